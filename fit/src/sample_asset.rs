@@ -108,6 +108,7 @@ pub(crate) fn sample_asset_with(
             lights: sphere(lights),
             views: sphere(views),
             heights: None,
+            relief: None,
             texel_clusters,
             texel_lobe_counts,
             dictionary,

@@ -2,12 +2,12 @@
 //! ...`.
 //!
 //! Places, lights and eyes are random, so that no evaluation profits from the cache lines of the one before. Each file
-//! is timed as it is and with 8 lobes in every texel, all of them part of the value. The floor is a loop that only
+//! is timed as it is, without relief and without heights where it has any, and with 8 lobes in every texel, all of them part of the value. The floor is a loop that only
 //! reads one number of each cache line that an evaluation needs, at places found before. All times are of one run.
 
 use btf_runtime::{
-    ASSET_LAYERS, Asset, DecodeOptions, LOBE_RESIDENT_WORDS, LobeRef, LobeRole, Query, Resident, block, evaluate,
-    evaluate_many,
+    ASSET_LAYERS, Asset, DecodeOptions, HeightUse, LOBE_RESIDENT_WORDS, LobeRef, LobeRole, Query, Resident, block,
+    evaluate, evaluate_many,
 };
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -102,8 +102,8 @@ fn least_ns(mut work: impl FnMut(Range<usize>)) -> f64 {
     1e9 * least.iter().sum::<f64>() / QUERIES as f64
 }
 
-fn time(name: &str, asset: &Asset, queries: &[Query]) {
-    let (resident, options) = (Resident::from_asset(asset), DecodeOptions::default());
+fn time(name: &str, asset: &Asset, queries: &[Query], heights: HeightUse) {
+    let (resident, options) = (Resident::from_asset(asset), DecodeOptions { heights, ..DecodeOptions::default() });
     let words = resident.words();
     let (mut needed, mut ends, mut places) = (0, Vec::new(), Vec::new());
     for query in queries {
@@ -144,7 +144,11 @@ fn main() {
     let queries = queries();
     for path in std::env::args().skip(1) {
         let asset = Asset::parse(&std::fs::read(&path).expect("the file can be read")).expect("it is an asset");
-        time(&path, &asset, &queries);
-        time("  with 8 lobes", &with_all_lobes(&asset), &queries);
+        time(&path, &asset, &queries, HeightUse::Relief);
+        if asset.layers[0].heights.is_some() {
+            time("  without relief", &asset, &queries, HeightUse::Parallax);
+            time("  without heights", &asset, &queries, HeightUse::None);
+        }
+        time("  with 8 lobes", &with_all_lobes(&asset), &queries, HeightUse::Relief);
     }
 }

@@ -43,7 +43,7 @@ class Asset:
         components: Optional[int] = None,
         lobes: Optional[int] = None,
         interpolation: Literal["fast", "exact"] = "fast",
-        parallax: bool = True,
+        heights: Literal["none", "parallax", "relief"] = "relief",
         level: int = 0,
     ) -> NDArray[np.float32]:
         """Returns pi x BRDF x |cosine of wi|, linear RGB, at least 0: (..., 3)."""
@@ -57,7 +57,7 @@ class Asset:
         components: Optional[int] = None,
         lobes: Optional[int] = None,
         interpolation: Literal["fast", "exact"] = "fast",
-        parallax: bool = True,
+        heights: Literal["none", "parallax", "relief"] = "relief",
         level: int = 0,
     ) -> NDArray[np.float32]:
         """Returns the density with which `sample` draws `wi`, per steradian: (...)."""
@@ -71,7 +71,7 @@ class Asset:
         components: Optional[int] = None,
         lobes: Optional[int] = None,
         interpolation: Literal["fast", "exact"] = "fast",
-        parallax: bool = True,
+        heights: Literal["none", "parallax", "relief"] = "relief",
         level: int = 0,
     ) -> Tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """Draws directions to light from `at`, three numbers in [0, 1) each: (..., 3).

@@ -48,6 +48,7 @@ pub use asset::lobe::{Lobe, LobeFamily, LobeSetup, RESIDENT_WORDS as LOBE_RESIDE
 pub use asset::lobe_tables::{lobe_sum_at_pairs, lobe_tables};
 pub use asset::lobe_weights::LobeWeights;
 pub use asset::predicted_lobes::first_lobes;
+pub use asset::relief::{MAX_LIKENESS, Relief};
 pub use asset::residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases,
 };
@@ -60,8 +61,9 @@ pub use container::finding::Finding;
 pub use decode::decode::{decode, decode_single};
 pub use decode::evaluate::{Query, Sample, density, evaluate, evaluate_many, sample};
 pub use decode::measured::{TexelPlace, decode_from_file_form, decode_measured};
-pub use decode::options::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
+pub use decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 pub use decode::parallax::{HeightField, SeenBy};
+pub use decode::relief::lit_share;
 pub use decode::sample::MIN_ALPHA;
 pub use decode::viewed_texel::{LightRows, ViewedTexel};
 pub use error::FormatError;

@@ -142,6 +142,7 @@ rules! { "SPMM"
     SHARED_COUNT = 2303, "it has more than 1024 bases", WRITE;
     // Heights, levels and edits.
     HEIGHT_STEP = 2401, "its step is 0", WRITE;
+    RELIEF_ALONE = 2402, "its layer lacks heights, the root curve, or lobes as base that coefficients predict", WRITE;
     LEVEL_LAYERS = 2411, "another layer does not have the level", WRITE;
     LEVEL_COMPONENTS = 2412, "it has more components than its layer", WRITE;
     EDIT_COUNT = 2421, "it has not 1 to 255 edits", WRITE;
@@ -177,6 +178,7 @@ rules! { "SPMM"
     EDIT_RANGE = 3503, "an edit is out of its range", CONVERT;
     EDITED_DICTIONARY = 3504, "an edited dictionary has other lobes than the measured one", CONVERT;
     HEIGHT_RANGE = 3505, "its heights are out of range", CONVERT;
+    RELIEF_RANGE = 3506, "its relief is out of range, or the layer cannot have any", CONVERT;
     // Warnings: legal, and worth a look.
     NO_SIZE = 5001, "no physical size is known",
         "give the capture's size in capture.toml and fit again, or the renderer a size of its own";

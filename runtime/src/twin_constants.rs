@@ -7,6 +7,10 @@ pub use crate::decode::evaluate::UNIT_RANGE;
 pub use crate::decode::parallax::{
     HIDDEN_SHARE, MAX_RAY_STEPS, MAX_SLOPE, MIN_RAY_STEPS, OUTSIDE_SHARE, RAY_STEP, SHIFT_SLOPE,
 };
+pub use crate::decode::relief::{
+    EVEN_LIGHT, GLOSS_ALPHA, GLOSS_NORMAL, HORIZON_STEP, MAX_ALBEDO, MIN_COS_EYE, NORMAL_SHARE, RELIEF_WORDS,
+    SHADOW_EDGE, SLOPE_STEP,
+};
 pub use crate::decode::sample::{COSINE_SHARE, MIN_AXIS};
 pub use crate::decode::viewed_texel::LIGHT_ROWS;
 pub use crate::leaf::lobe::{LEAF_MIN_HALF, MAX_EXPONENT, MIN_FACET};

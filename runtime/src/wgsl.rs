@@ -13,6 +13,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("layout.wgsl", include_str!("resident/layout.wgsl")),
     ("parallax.wgsl", include_str!("decode/parallax.wgsl")),
     ("texel.wgsl", include_str!("decode/texel.wgsl")),
+    ("relief.wgsl", include_str!("decode/relief.wgsl")),
     ("viewed_texel.wgsl", include_str!("decode/viewed_texel.wgsl")),
     ("sample.wgsl", include_str!("decode/sample.wgsl")),
     ("decode.wgsl", include_str!("decode/decode.wgsl")),

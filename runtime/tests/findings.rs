@@ -2,6 +2,7 @@
 
 use btf_runtime::testing::{
     FileParts, SectionPart, huge_asset, repair_header_checksum, ring_directions, sample_asset, sample_heights,
+    sample_relief_asset,
 };
 use btf_runtime::{
     ASSET_LAYERS, Asset, Edit, Edits, FormatError, Levels, Resident, ResidentFile, ResidualKind, Rule, SectionKind,
@@ -205,6 +206,8 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         (rule::RANK, with_word(asset, Kind::Factors, 6, 1)),
         (rule::SHARED_COUNT, with_word(asset, Kind::SharedBases, 0, 1025)),
         (rule::HEIGHT_STEP, with_word(asset, Kind::Height, 0, 0)),
+        // A layer of guiding lobes with relief.
+        (rule::RELIEF_ALONE, with_word(&sample_relief_asset(3, 9, 7), Kind::Layer, 7, 1)),
         (
             rule::LEVEL_LAYERS,
             parted(&|parts| {
@@ -306,6 +309,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
             }),
         ),
         (rule::HEIGHT_RANGE, with_field(asset, 0, block::HEIGHT_STEP, |_| 0)),
+        (rule::RELIEF_RANGE, with_field(&sample_relief_asset(3, 9, 7), 0, block::RELIEF_GLOSS, |_| 2.0f32.to_bits())),
     ]);
     // What is legal.
     list.extend([

@@ -65,6 +65,7 @@ fn example() -> Asset {
         lights: Sphere::new(&[[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.6, 0.8]]).unwrap(),
         views: Sphere::new(&[[0.0, 0.0, 1.0]]).unwrap(),
         heights: None,
+        relief: None,
         texel_clusters: vec![0, 0, 1, 0, 1, 1],
         texel_lobe_counts: vec![1, 1, 2, 1, 2, 1],
         dictionary: vec![vec![diffuse], vec![diffuse, glossy]],

@@ -144,7 +144,7 @@ fn the_options_lie_in_wgsl_as_documented() {
     let naga::TypeInner::Struct { members, span } = &options.inner else { panic!("BtfOptions is a struct") };
     let fields: Vec<(&str, u32)> =
         members.iter().map(|member| (member.name.as_deref().unwrap_or(""), member.offset)).collect();
-    assert_eq!((fields, *span), (vec![("components", 0), ("lobes", 4), ("interpolation", 8), ("parallax", 12)], 16));
+    assert_eq!((fields, *span), (vec![("components", 0), ("lobes", 4), ("interpolation", 8), ("heights", 12)], 16));
 }
 
 /// Returns the names after `fn`, in order of appearance.
@@ -176,7 +176,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().chain(LEAF_WGSL).chain(VOLTEX_WGSL).find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 24] = [
+    let twins: [Twin; 25] = [
         (include_str!("../src/numeric/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/asset/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/asset/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
@@ -184,6 +184,12 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
         (include_str!("../src/resident/layout.rs"), "layout.wgsl", "", &[]),
         (include_str!("../src/decode/parallax.rs"), "parallax.wgsl", "height_", &["height_field"]),
         (include_str!("../src/decode/texel.rs"), "texel.wgsl", "texel_", &["texel_lobe", "texel_residual"]),
+        (
+            include_str!("../src/decode/relief.rs"),
+            "relief.wgsl",
+            "relief_",
+            &["relief_light", "relief_seen", "relief_of_views", "relief_here"],
+        ),
         (include_str!("../src/decode/viewed_texel.rs"), "viewed_texel.wgsl", "viewed_", &[]),
         (include_str!("../src/decode/sample.rs"), "sample.wgsl", "", &["sample_lobe_at"]),
         (

@@ -3,7 +3,7 @@
 
 use btf_capture::{Capture, Direction, DirectionSet, ImageFormat};
 use btf_fit::{FitParams, MeasureParams, Monitor, measure};
-use btf_runtime::{DecodeOptions, Interpolation, decode};
+use btf_runtime::{DecodeOptions, HeightUse, Interpolation, decode};
 use btf_synth::{CaptureParams, ClothParams, write_cloth_capture};
 use btf_tests::{capture_of, fitted, resident, small_fit};
 use std::ops::ControlFlow;
@@ -83,13 +83,17 @@ fn heights_found_in_a_capture_carry_eyes_beyond_its_views() {
     let heights = asset.layers[0].heights.as_ref().expect("cloth has a relief");
     assert!(heights.range()[1] - heights.range()[0] > 3.0, "{:?} texels", heights.range());
     let loaded = resident(&asset);
-    let psnr_db = |capture: &Capture, parallax: bool| {
-        let options = DecodeOptions { parallax, ..DecodeOptions::default() };
+    let psnr_db = |capture: &Capture, heights: HeightUse| {
+        let options = DecodeOptions { heights, ..DecodeOptions::default() };
         let params = MeasureParams { options, ..MeasureParams::default() };
         measure(capture, &asset, &loaded, &params, &Monitor::default()).unwrap().metrics().psnr_db
     };
-    let (with, without) = (psnr_db(&beyond, true), psnr_db(&beyond, false));
+    let (with, without) = (psnr_db(&beyond, HeightUse::Parallax), psnr_db(&beyond, HeightUse::None));
     assert!(with > without + 0.7, "beyond the views {with:.2} dB with heights, {without:.2} dB without");
     let between = cloth(&folder.path().join("between"), &rings(&[(47.0, 3)]));
-    assert_eq!(psnr_db(&between, true), psnr_db(&between, false), "between the views nothing changes");
+    assert_eq!(
+        psnr_db(&between, HeightUse::Parallax),
+        psnr_db(&between, HeightUse::None),
+        "between the views nothing changes"
+    );
 }

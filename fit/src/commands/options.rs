@@ -38,6 +38,9 @@ pub(super) struct Decoding {
     /// Leave the parallax of eyes beyond the measured views, also where the asset has heights
     #[arg(long)]
     pub(super) no_parallax: bool,
+    /// Do not correct the interpolation between measured directions by the heights, also where the asset has them
+    #[arg(long)]
+    pub(super) no_relief: bool,
 }
 
 impl Decoding {
@@ -49,7 +52,11 @@ impl Decoding {
                 Interpolation::Fast => btf_runtime::Interpolation::Fast,
                 Interpolation::Exact => btf_runtime::Interpolation::Exact,
             },
-            parallax: !self.no_parallax,
+            heights: match (self.no_parallax, self.no_relief) {
+                (true, _) => btf_runtime::HeightUse::None,
+                (_, true) => btf_runtime::HeightUse::Parallax,
+                _ => btf_runtime::HeightUse::Relief,
+            },
         }
     }
 }

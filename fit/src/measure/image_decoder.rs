@@ -8,8 +8,8 @@ use crate::input::layer_frame::layer_directions;
 use crate::measure::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb, texel_tiles};
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
-    Asset, DecodeOptions, HORIZON_COS, HeightField, Heights, Interpolation, Layer, LobeRole, LobeSetup, Neighbours,
-    RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, block,
+    Asset, DecodeOptions, HORIZON_COS, HeightField, HeightUse, Heights, Interpolation, Layer, LobeRole, LobeSetup,
+    Neighbours, RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, SurfaceSide, ViewedTexel, block,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
@@ -53,15 +53,19 @@ fn is_same_direction(a: [f32; 3], b: [f32; 3]) -> bool {
 /// A layer of an asset, ready to be decoded image by image.
 pub struct ImageDecoder<'a> {
     layer: &'a Layer,
+    /// Number of the layer.
+    number: usize,
+    options: DecodeOptions,
     /// Columns and rows.
     size: [usize; 2],
+    resident: &'a Resident,
     words: &'a [u32],
     /// First word of the expanded bases, `[cluster, pair, channel, word]`.
     basis_at: usize,
     /// Words per pair and channel in the resident form.
     channel_words: usize,
     /// Bases in single precision, where those are to be used.
-    singles: Option<&'a [f32]>,
+    singles: Option<&'a SingleBases>,
     /// Words per pair and channel that the options use; 0 without residual.
     used_words: usize,
     interpolation: Interpolation,
@@ -119,14 +123,21 @@ impl<'a> ImageDecoder<'a> {
         }
         ImageDecoder {
             layer: source,
+            number: layer,
+            options: *options,
             size: [asset.width, asset.height],
+            resident,
             words,
             basis_at: words[base + block::BASIS] as usize,
             channel_words: words[base + block::CHANNEL_WORDS] as usize,
             singles: None,
             used_words: bases.div_ceil(2),
             interpolation: options.interpolation,
-            heights: source.heights.as_ref().filter(|_| options.parallax).map(|heights| (heights, heights.to_words())),
+            heights: source
+                .heights
+                .as_ref()
+                .filter(|_| options.heights != HeightUse::None)
+                .map(|heights| (heights, heights.to_words())),
             last_seen: Mutex::new(([0.0; 3], Arc::default())),
             setups,
             first_lobe,
@@ -134,10 +145,10 @@ impl<'a> ImageDecoder<'a> {
         }
     }
 
-    /// Returns this decoder with layer `layer` of `bases`, which must be of the same asset, in place of the resident
+    /// Returns this decoder with `bases`, which must be of the same asset, in place of the resident
     /// form's half-precision bases.
-    pub fn with_single_bases(self, bases: &'a SingleBases, layer: usize) -> ImageDecoder<'a> {
-        ImageDecoder { singles: Some(bases.layer(layer)), ..self }
+    pub fn with_single_bases(self, bases: &'a SingleBases) -> ImageDecoder<'a> {
+        ImageDecoder { singles: Some(bases), ..self }
     }
 
     /// Returns the tiles of all texels of the layer, each texel once.
@@ -158,6 +169,9 @@ impl<'a> ImageDecoder<'a> {
             return PairPlan::NOTHING;
         }
         let fade = (wi[2] / HORIZON_COS.min(lights.least_cosine())).min(1.0);
+        if self.has_relief() {
+            return PairPlan { image: Some(self.relief_image(wi, wo)), ..PairPlan::NOTHING };
+        }
         if let Some((heights, words)) = self.heights.as_ref().filter(|_| out.beyond < 1.0) {
             let field = HeightField::new(words, self.size, heights);
             let image = self.shifted_image([wi, wo], [&into, &out], fade, &self.seen_by(&field, wo, &out));
@@ -191,6 +205,31 @@ impl<'a> ImageDecoder<'a> {
         let fade = fade * falling;
         let taps = vec![Tap { weight: 1.0, values: here, rows }];
         PairPlan { taps, fade, ..PairPlan::NOTHING }
+    }
+
+    /// Returns whether relief corrects the interpolation between measured directions.
+    fn has_relief(&self) -> bool {
+        self.options.heights == HeightUse::Relief
+            && self.interpolation == Interpolation::Fast
+            && self.layer.relief.is_some()
+            && self.used_words > 0
+    }
+
+    /// Returns the image at `[wi, wo]`, whose interpolation relief corrects texel by texel.
+    fn relief_image(&self, wi: [f32; 3], wo: [f32; 3]) -> Vec<[f32; 3]> {
+        let layer = self.number as u32;
+        let back = [self.layer.light_side, self.layer.view_side].map(|side| side == SurfaceSide::Back);
+        let [wi, wo] = [(wi, back[0]), (wo, back[1])].map(|([x, y, z], back)| [x, y, if back { -z } else { z }]);
+        let texels = (0..self.layer.texel_clusters.len() as u32).into_par_iter();
+        texels
+            .map(|texel| {
+                let viewed = match self.singles {
+                    Some(bases) => ViewedTexel::new_single(self.resident, bases, layer, texel, wo, &self.options),
+                    None => ViewedTexel::new(self.resident, layer, texel, wo, &self.options),
+                };
+                viewed.light_alone(wi)
+            })
+            .collect()
     }
 
     /// Returns the direction for which lobes are evaluated with a light at `wi`, whose neighbours are `light`.
@@ -446,13 +485,14 @@ impl<'a> ImageDecoder<'a> {
         let values = self.lobe_values(layer.lights.direction(light as u32), layer.views.direction(view as u32));
         let pair = view * layer.lights.len() + light;
         let pairs = layer.views.len() * layer.lights.len();
+        let singles = self.singles.map(|bases| bases.layer(self.number));
         let mut rows = Vec::with_capacity(self.first_lobe.len() * self.used_words);
         for cluster in 0..self.first_lobe.len() {
             let at = (cluster * pairs + pair) * 3 * self.channel_words;
             rows.extend((0..self.used_words).map(|word| {
                 [0, 1, 2].map(|channel| {
                     let at = at + channel * self.channel_words + word;
-                    if let Some(singles) = self.singles {
+                    if let Some(singles) = singles {
                         return [singles[2 * at], singles[2 * at + 1]];
                     }
                     let halves = self.words[self.basis_at + at];

@@ -5,6 +5,7 @@ use crate::input::tile_cache::DecodedImages;
 use crate::monitor::Monitor;
 use crate::params::{Goal, ValidFitParams};
 use crate::pipeline::choose_error::with_chosen_error;
+use crate::pipeline::choose_relief::choose_relief;
 use crate::pipeline::description::byte_budget;
 use crate::pipeline::outcome::FitOutcome;
 use crate::pipeline::prepare::{PreparedFit, check_layers};
@@ -72,7 +73,7 @@ fn prepare_and_encode(
 ) -> Result<(Encoded, Option<DecodedImages>), FitError> {
     let mut prepared = PreparedFit::prepare_from(captures, params, checkpoint, monitor)?;
     let search = StepSearch { captures, prepared: &prepared, params, monitor };
-    let asset = monitor.stage("encode", || match params.goal() {
+    let mut asset = monitor.stage("encode", || match params.goal() {
         Goal::Bytes(bytes) => search.within_bytes(byte_budget(captures, params, bytes)),
         Goal::PsnrDb(db) => search.within_error(db),
         Goal::None => {
@@ -80,6 +81,9 @@ fn prepare_and_encode(
             Ok(search.assemble(step).asset)
         }
     })?;
+    if asset.layers.iter().any(|layer| layer.relief.is_some()) {
+        monitor.stage("relief", || choose_relief(&mut asset, monitor))?;
+    }
     let bytes = pack(&asset)?;
     let first = &mut prepared.layers[0];
     let (lobes, left_out) = (first.figures, std::mem::take(&mut first.left_out));

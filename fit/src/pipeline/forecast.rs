@@ -28,10 +28,12 @@ const LAYER_STAGES: [Known; 8] = [
     known(HEIGHTS, 8.6, 8.6),
 ];
 /// The stages that follow those of all layers.
-const LAST_STAGES: [Known; 3] = [known(ENCODE, 2.5, 0.9), known("measure", 5.2, 22.2), known(REPORT, 4.3, 11.1)];
+const LAST_STAGES: [Known; 4] =
+    [known(ENCODE, 2.5, 0.9), known(RELIEF, 3.0, 0.0), known("measure", 5.2, 22.2), known(REPORT, 4.3, 11.1)];
 const ENCODE: &str = "encode";
 const PREDICT: &str = "predict";
 const HEIGHTS: &str = "heights";
+const RELIEF: &str = "relief";
 const REPORT: &str = "report";
 /// Share of itself up to which a stage counts at most that does not tell how far it is.
 const MAX_UNTOLD: f64 = 0.95;
@@ -104,7 +106,12 @@ impl Forecast {
         };
         let of_layer = LAYER_STAGES.iter().filter(is_run);
         let of_layers = (0..layers).flat_map(|layer| of_layer.clone().map(move |known| (known, layer, 1)));
-        let last = LAST_STAGES.iter().filter(|known| report || known.name != REPORT);
+        let is_last = |known: &&Known| match known.name {
+            REPORT => report,
+            RELIEF => params.finds_heights() && params.predicts_lobes(),
+            _ => true,
+        };
+        let last = LAST_STAGES.iter().filter(is_last);
         // Each of these takes its time for every layer.
         let last = last.map(|known| (known, layers, layers));
         let plan = of_layers.chain(last).map(|(known, layer, times)| planned(known, layer, times)).collect();

@@ -2,6 +2,7 @@
 
 pub(crate) mod assemble;
 pub(crate) mod choose_error;
+pub(crate) mod choose_relief;
 pub(crate) mod description;
 pub(crate) mod fit;
 pub(crate) mod fitted;

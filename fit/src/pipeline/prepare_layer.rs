@@ -8,6 +8,7 @@ use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{Mapping, TileCache};
 use crate::params::ValidFitParams;
+use crate::pipeline::choose_relief::FIRST_RELIEF;
 use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, shared_bases};
 use crate::pipeline::representatives::representatives;
 use crate::resume::checkpoint::Stages;
@@ -80,6 +81,10 @@ pub fn prepare_layer(
         epsilon,
         lights,
         views,
+        relief: heights
+            .as_ref()
+            .filter(|_| params.predicts_lobes() && kind == ResidualKind::Root)
+            .map(|_| FIRST_RELIEF),
         heights,
         texel_clusters: labels.iter().map(|label| *label as u8).collect(),
         texel_lobe_counts: selection.counts,

@@ -7,6 +7,7 @@ use crate::error::FitError;
 use crate::input::layer_frame::layer_directions;
 use crate::input::tile_cache::{Mapping, TileCache};
 use crate::monitor::Monitor;
+use crate::stages::slopes::{integrate_slopes, slopes_from_shading};
 use btf_capture::CaptureInfo;
 use btf_runtime::{HeightField, Heights, SeenBy, Sphere};
 use rayon::prelude::*;
@@ -43,6 +44,17 @@ const STEEPEST: f32 = 0.25;
 const FORETOLD_VIEWS: usize = 8;
 const FORETOLD_LIGHTS: usize = 6;
 const FORETOLD_EVERY: usize = 5;
+/// Greatest cosine with the normal of the lights whose shading tells slopes (30 degrees), their least number, and the
+/// greatest.
+const SHADED_COS: f32 = 0.87;
+const MIN_SHADED: usize = 8;
+const MAX_SHADED: usize = 96;
+/// Weights of the found heights against the slopes that the shading tells, which are tried. Of those whose error is the
+/// least, or larger by a small share, the first is taken: slopes matter more for shading than the prediction shows.
+const NEAR_LEAST: f64 = 0.03;
+const FIDELITIES: [f64; 4] = [0.1, 1.0, 3.0, 10.0];
+/// Offsets of all heights that are tried, texel widths.
+const OFFSETS: [f32; 7] = [0.0, -0.45, -0.3, -0.15, 0.15, 0.3, 0.45];
 /// Share of the error without heights that heights must take away to be worth their bytes.
 const MIN_GAIN: f64 = 0.03;
 
@@ -66,7 +78,8 @@ type ReadImages<'a> = dyn Fn(&[usize], &[usize]) -> Result<Vec<Vec<Image>>, FitE
 /// Returns the bytes per texel that [`find_heights`] needs: images as they are and as they are compared, and costs of
 /// all heights for each share, as they are and smoothed along lines.
 pub fn bytes_per_texel() -> usize {
-    4 * (2 * (MAX_VIEWS + 1) * LIGHTS + (SHARES.len() + 2) * tried().len())
+    let sweep = 2 * (MAX_VIEWS + 1) * LIGHTS + (SHARES.len() + 2) * tried().len();
+    4 * (sweep + MAX_SHADED + 3 * (FIDELITIES.len() + 3))
 }
 
 /// Finds the heights of a capture's texels; `None` if they do not predict views better than no heights.
@@ -118,7 +131,59 @@ pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) ->
             }
         }
     }
-    Ok(best.1)
+    let Some(found) = best.1 else { return Ok(None) };
+    monitor.report("heights", features.len(), features.len())?;
+    let (upright, linear) = (reference, Mapping::new(cache, |x| x.max(0.0)));
+    let shaded = spread(&(0..lights.len()).filter(|&l| lights[l][2] < SHADED_COS).collect::<Vec<_>>(), MAX_SHADED);
+    let luminance = |light: &usize| -> Result<Image, FitError> {
+        let samples = cache.image(upright * lights.len() + light, &linear)?;
+        Ok(samples.chunks_exact(3).map(|rgb| (rgb[0] + rgb[1] + rgb[2]) / 3.0).collect())
+    };
+    let images = shaded.par_iter().map(luminance).collect::<Result<Vec<_>, FitError>>()?;
+    let directions: Vec<[f32; 3]> = shaded.iter().map(|&light| lights[light]).collect();
+    Ok(Some(refined(found, size, &images, &directions, &score)))
+}
+
+/// Returns the heights that predict the steepest views best: the `found` ones, or those whose slopes are nearer to what
+/// the shading of an upright view tells, all of them moved up or down. `images` are luminances `[light][texel]`.
+fn refined(found: Heights, size: [usize; 2], images: &[Image], lights: &[[f32; 3]], score: &Score) -> Heights {
+    let plain: Vec<f32> = found.codes.iter().map(|code| found.step * f32::from(*code)).collect();
+    let mut shapes = Vec::new();
+    if images.len() >= MIN_SHADED {
+        // Heights that jump from texel to texel would shade each other.
+        let gentle = quantized(&blurred(&plain, size));
+        let words = gentle.to_words();
+        let slopes = slopes_from_shading(images, lights, &HeightField::new(&words, size, &gentle));
+        shapes.extend(FIDELITIES.map(|fidelity| integrate_slopes(&slopes, &plain, size, fidelity)));
+    }
+    shapes.push(plain);
+    let tried: Vec<(f64, Heights)> = shapes
+        .iter()
+        .map(|shape| {
+            let moved = OFFSETS.map(|offset| quantized(&shape.iter().map(|z| z + offset).collect::<Vec<_>>()));
+            let errors = moved.each_ref().map(|heights| score.error(Some(heights), size));
+            let best = (0..moved.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
+            (errors[best], moved[best].clone())
+        })
+        .collect();
+    let least = tried.iter().map(|(error, _)| *error).fold(f64::INFINITY, f64::min);
+    let near = tried.into_iter().find(|(error, _)| *error <= least * (1.0 + NEAR_LEAST));
+    near.map_or(found, |(_, heights)| heights)
+}
+
+/// Returns the means of each texel and its neighbours, with weights 1, 2 and 1 along rows and columns.
+fn blurred(heights: &[f32], [width, rows]: [usize; 2]) -> Image {
+    let along = |image: &[f32], stride: usize, count: usize| -> Image {
+        (0..image.len())
+            .map(|texel| {
+                let place = texel / stride % count;
+                let before = if place > 0 { image[texel - stride] } else { image[texel] };
+                let after = if place + 1 < count { image[texel + stride] } else { image[texel] };
+                0.25 * (before + after) + 0.5 * image[texel]
+            })
+            .collect()
+    };
+    along(&along(heights, 1, width), width, rows)
 }
 
 /// Returns at most `count` of `all`, evenly spread.

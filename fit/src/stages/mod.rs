@@ -14,5 +14,6 @@ pub(crate) mod lobe_weights;
 pub(crate) mod local_pca;
 pub(crate) mod principal_directions;
 pub(crate) mod residual_source;
+pub(crate) mod slopes;
 pub(crate) mod sparse;
 pub(crate) mod texel_coordinates;

@@ -378,7 +378,7 @@ pub(crate) fn decoder<'a>(
     if precision == Precision::Half || asset.layers[0].residual.is_none() {
         return decoder;
     }
-    decoder.with_single_bases(singles, 0)
+    decoder.with_single_bases(singles)
 }
 
 /// Returns the bytes of the tier with `setting`'s components, and of that tier's coefficients.

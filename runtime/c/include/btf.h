@@ -178,6 +178,35 @@ typedef uint32_t btf_interpolation;
 #endif // __cplusplus
 
 /**
+ * The use of an asset's heights.
+ */
+enum btf_heights
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  /**
+   * Ignores them.
+   */
+  BTF_HEIGHTS_NONE = 0,
+  /**
+   * Removes the parallax of eyes outside the measured ones.
+   */
+  BTF_HEIGHTS_PARALLAX = 1,
+  /**
+   * Also corrects what is interpolated between the measured directions; fast interpolation only.
+   */
+  BTF_HEIGHTS_RELIEF = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum btf_heights btf_heights;
+#else
+typedef uint32_t btf_heights;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * An open asset. A call only reads what the handle points to, so any number of threads may use one handle at once, in
  * all calls but btf_close.
  */
@@ -249,7 +278,7 @@ typedef struct btf_info {
 } btf_info;
 
 /**
- * Options of an evaluation, from fast to exact. At the measured directions interpolation and parallax change nothing.
+ * Options of an evaluation, from fast to exact. At the measured directions interpolation and heights change nothing.
  */
 typedef struct btf_options {
   /**
@@ -265,9 +294,9 @@ typedef struct btf_options {
    */
   uint32_t interpolation;
   /**
-   * Parallax of eyes outside the measured ones: 1 removes it where the asset has heights, 0 leaves it.
+   * Use of the heights, where the asset has any: a btf_heights.
    */
-  uint32_t parallax;
+  uint32_t heights;
 } btf_options;
 
 /**
@@ -393,7 +422,7 @@ btf_code btf_resident(const struct btf_asset *asset,
                       size_t *count);
 
 /**
- * Returns the options that null stands for: all components and lobes, fast interpolation, parallax removed.
+ * Returns the options that null stands for: all components and lobes, fast interpolation, heights for parallax and relief.
  */
 struct btf_options btf_default_options(void);
 

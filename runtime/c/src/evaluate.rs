@@ -3,7 +3,7 @@
 use crate::asset::Handle;
 use crate::border::{Target, call, check_many, read, read_many};
 use crate::code::{Code, Fault};
-use btf_runtime::{DecodeOptions, Query, density as density_of, evaluate, evaluate_many, sample};
+use btf_runtime::{DecodeOptions, HeightUse, Query, density as density_of, evaluate, evaluate_many, sample};
 use std::mem::offset_of;
 
 /// Number of values that are computed before they are written to the caller's array.
@@ -54,7 +54,19 @@ pub enum Interpolation {
     Exact = 1,
 }
 
-/// Options of an evaluation, from fast to exact. At the measured directions interpolation and parallax change nothing.
+/// The use of an asset's heights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Heights {
+    /// Ignores them.
+    None = 0,
+    /// Removes the parallax of eyes outside the measured ones.
+    Parallax = 1,
+    /// Also corrects what is interpolated between the measured directions; fast interpolation only.
+    Relief = 2,
+}
+
+/// Options of an evaluation, from fast to exact. At the measured directions interpolation and heights change nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub struct Options {
@@ -64,8 +76,8 @@ pub struct Options {
     pub lobes: u32,
     /// Interpolation: a btf_interpolation.
     pub interpolation: u32,
-    /// Parallax of eyes outside the measured ones: 1 removes it where the asset has heights, 0 leaves it.
-    pub parallax: u32,
+    /// Use of the heights, where the asset has any: a btf_heights.
+    pub heights: u32,
 }
 
 impl Options {
@@ -79,24 +91,34 @@ impl Options {
                 return Err(Fault::new(Code::Argument, sentence));
             }
         };
-        let parallax = match self.parallax {
-            0 => false,
-            1 => true,
-            other => return Err(Fault::new(Code::Argument, format!("parallax is {other}: take 0 or 1"))),
+        let heights = match self.heights {
+            heights if heights == Heights::None as u32 => HeightUse::None,
+            heights if heights == Heights::Parallax as u32 => HeightUse::Parallax,
+            heights if heights == Heights::Relief as u32 => HeightUse::Relief,
+            heights => {
+                let sentence =
+                    format!("heights is {heights}: take BTF_HEIGHTS_NONE, BTF_HEIGHTS_PARALLAX or BTF_HEIGHTS_RELIEF");
+                return Err(Fault::new(Code::Argument, sentence));
+            }
         };
-        Ok(DecodeOptions { components: self.components, lobes: self.lobes, interpolation, parallax })
+        Ok(DecodeOptions { components: self.components, lobes: self.lobes, interpolation, heights })
     }
 }
 
-/// Returns the options that null stands for: all components and lobes, fast interpolation, parallax removed.
+/// Returns the options that null stands for: all components and lobes, fast interpolation, heights for parallax and relief.
 #[unsafe(no_mangle)]
 pub extern "C" fn btf_default_options() -> Options {
-    let DecodeOptions { components, lobes, interpolation, parallax } = DecodeOptions::default();
+    let DecodeOptions { components, lobes, interpolation, heights } = DecodeOptions::default();
     let interpolation = match interpolation {
         btf_runtime::Interpolation::Fast => Interpolation::Fast,
         btf_runtime::Interpolation::Exact => Interpolation::Exact,
     };
-    Options { components, lobes, interpolation: interpolation as u32, parallax: parallax.into() }
+    let heights = match heights {
+        HeightUse::None => Heights::None,
+        HeightUse::Parallax => Heights::Parallax,
+        HeightUse::Relief => Heights::Relief,
+    };
+    Options { components, lobes, interpolation: interpolation as u32, heights: heights as u32 }
 }
 
 /// Returns the asset, its level and the options of a call.

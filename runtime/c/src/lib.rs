@@ -28,5 +28,6 @@ pub use asset::{
 };
 pub use code::{Code, btf_error_text, btf_last_error};
 pub use evaluate::{
-    Drawn, Interpolation, Options, Place, btf_default_options, btf_density, btf_evaluate, btf_evaluate_many, btf_sample,
+    Drawn, Heights, Interpolation, Options, Place, btf_default_options, btf_density, btf_evaluate, btf_evaluate_many,
+    btf_sample,
 };

@@ -252,7 +252,7 @@ fn the_header_is_c99_c11_and_cpp17_without_a_warning() {
         (output.status.success(), text_of(&output))
     };
     let c = "#include \"btf.h\"\nint main(void) { btf_options o = btf_default_options(); \
-             return (int)o.parallax + (int)BTF_LEVELS_ALL; }\n";
+             return (int)o.heights + (int)BTF_LEVELS_ALL; }\n";
     let cpp = "#include \"btf.h\"\n#include \"btf.h\"\nint main() { btf_open_options o = btf_default_open_options(); \
                o.levels = BTF_LEVELS_ALL; btf_asset *asset = nullptr; \
                return btf_open_file(\"a\", &o, &asset) == BTF_FILE ? 0 : 1; }\n";

@@ -202,8 +202,8 @@ static void check_read_faults(const btf_asset *asset) {
     options.interpolation = 2;
     check_fault(btf_evaluate(asset, 0, &place, &options, value), BTF_ARGUMENT, "interpolation is 2");
     options = btf_default_options();
-    options.parallax = 2;
-    check_fault(btf_evaluate(asset, 0, &place, &options, value), BTF_ARGUMENT, "parallax is 2");
+    options.heights = 3;
+    check_fault(btf_evaluate(asset, 0, &place, &options, value), BTF_ARGUMENT, "heights is 3");
     check(value[0] == 7.0f && value[3] == 7.0f, "a call that fails leaves the values");
     check(strcmp(btf_error_text(BTF_OK), "no error") == 0, "the text of no error");
     check(strlen(btf_error_text(-5)) > 0 && strlen(btf_error_text(12345)) > 0, "any code has a text");

@@ -2,7 +2,7 @@
 
 use btf_runtime::{
     Asset, Basis, Coefficients, DictionaryLobe, Edit, Edits, Factors, Heights, Layer, Level, LevelTexels, Lobe,
-    LobeFamily, LobeRef, LobeRole, LobeWeights, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide,
+    LobeFamily, LobeRef, LobeRole, LobeWeights, Relief, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide,
 };
 
 /// A source of numbers taken from bytes; zeros when they are used up.
@@ -157,6 +157,7 @@ fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
         residual_kind: [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root][source.below(3)],
         epsilon: source.within(1e-6, 1.0),
         heights: any_heights(source, texels),
+        relief: None,
         lights,
         views,
         texel_clusters,
@@ -168,6 +169,10 @@ fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
     };
     if source.flag() {
         add_lobe_weights(source, &mut layer);
+    }
+    if layer.may_have_relief() && source.flag() {
+        let numbers = [source.within(0.0, 1e4), source.within(0.0, 1.0), source.within(0.0, 1.0)];
+        layer.relief = Relief::from_numbers(numbers);
     }
     layer
 }

@@ -2,7 +2,7 @@
 
 use crate::arrays::{Shape, Vectors};
 use btf_runtime::{
-    DecodeOptions, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample, SurfaceSide, density,
+    DecodeOptions, HeightUse, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample, SurfaceSide, density,
     evaluate_many, sample,
 };
 use numpy::PyArrayDyn;
@@ -32,7 +32,8 @@ type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 /// components: largest number of residual components; None for all, 0 for the residual's mean.
 /// lobes: largest number of lobes of a texel; None for all.
 /// interpolation: "fast" or "exact", the rule by which a value between the measured directions is computed from theirs.
-/// parallax: whether the parallax of eyes outside the measured ones is removed, where the asset has heights.
+/// heights: "none", "parallax" (of eyes outside the measured ones) or "relief" (also between the measured directions): the
+/// use of the heights, where the asset has any.
 /// level: 0 the finest, below meta["levels"].
 #[pyclass(name = "Asset", module = "btf", frozen)]
 pub struct PyAsset {
@@ -89,7 +90,7 @@ impl PyAsset {
         components: Option<u32>,
         lobes: Option<u32>,
         interpolation: &str,
-        parallax: bool,
+        heights: &str,
         level: u32,
     ) -> PyResult<DecodeOptions> {
         let interpolation = match interpolation {
@@ -98,6 +99,10 @@ impl PyAsset {
             other => {
                 return Err(PyValueError::new_err(format!("interpolation is '{other}': take 'fast' or 'exact'")));
             }
+        };
+        let Some(heights) = HeightUse::ALL.into_iter().find(|known| known.name() == heights) else {
+            let sentence = format!("heights is '{heights}': take 'none', 'parallax' or 'relief'");
+            return Err(PyValueError::new_err(sentence));
         };
         let levels = self.file.resident.levels();
         if level >= levels {
@@ -109,7 +114,7 @@ impl PyAsset {
             components: components.unwrap_or(u32::MAX),
             lobes: lobes.unwrap_or(u32::MAX),
             interpolation,
-            parallax,
+            heights,
         })
     }
 }
@@ -132,7 +137,7 @@ fn queries(uv: &Bound<'_, PyAny>, wi: &Bound<'_, PyAny>, wo: &Bound<'_, PyAny>) 
 impl PyAsset {
     /// Returns pi x BRDF x |cosine of wi|, linear RGB, at least 0: float32 of the shape (..., 3). A white Lambertian
     /// surface lit at normal incidence gives 1; a renderer multiplies by no further cosine.
-    #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
+    #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", heights="relief", level=0))]
     fn eval<'py>(
         &self,
         py: Python<'py>,
@@ -142,10 +147,10 @@ impl PyAsset {
         components: Option<u32>,
         lobes: Option<u32>,
         interpolation: &str,
-        parallax: bool,
+        heights: &str,
         level: u32,
     ) -> PyResult<Numbers<'py>> {
-        let options = self.options(components, lobes, interpolation, parallax, level)?;
+        let options = self.options(components, lobes, interpolation, heights, level)?;
         let (shape, queries) = queries(uv, wi, wo)?;
         let mut values = shape.room()?;
         values.resize(queries.len(), [0.0; 3]);
@@ -157,7 +162,7 @@ impl PyAsset {
     }
 
     /// Returns the density with which `sample` draws `wi`, per steradian: float32 of the shape (...).
-    #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
+    #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", heights="relief", level=0))]
     fn pdf<'py>(
         &self,
         py: Python<'py>,
@@ -167,10 +172,10 @@ impl PyAsset {
         components: Option<u32>,
         lobes: Option<u32>,
         interpolation: &str,
-        parallax: bool,
+        heights: &str,
         level: u32,
     ) -> PyResult<Numbers<'py>> {
-        let options = self.options(components, lobes, interpolation, parallax, level)?;
+        let options = self.options(components, lobes, interpolation, heights, level)?;
         let (shape, queries) = queries(uv, wi, wo)?;
         let mut densities = shape.room()?;
         for queries in queries.chunks(BATCH) {
@@ -184,7 +189,7 @@ impl PyAsset {
     /// Draws directions to light that matter to the eye, from `at`: three numbers in [0, 1) each, (..., 3). Returns wi
     /// (..., 3), its density per steradian (...) and its value as of `eval` (..., 3). Where a density is 0 nothing was
     /// drawn: the path ends. value / (pi x density) is the weight of a path that continues.
-    #[pyo3(signature = (uv, wo, at, *, components=None, lobes=None, interpolation="fast", parallax=true, level=0))]
+    #[pyo3(signature = (uv, wo, at, *, components=None, lobes=None, interpolation="fast", heights="relief", level=0))]
     fn sample<'py>(
         &self,
         py: Python<'py>,
@@ -194,10 +199,10 @@ impl PyAsset {
         components: Option<u32>,
         lobes: Option<u32>,
         interpolation: &str,
-        parallax: bool,
+        heights: &str,
         level: u32,
     ) -> PyResult<(Numbers<'py>, Numbers<'py>, Numbers<'py>)> {
-        let options = self.options(components, lobes, interpolation, parallax, level)?;
+        let options = self.options(components, lobes, interpolation, heights, level)?;
         let (uv, wo, at) = (Vectors::new(uv, "uv", 2)?, Vectors::new(wo, "wo", 3)?, Vectors::new(at, "at", 3)?);
         let shape = Shape::of(&[&uv, &wo, &at])?;
         let mut draws: Vec<([f32; 2], [f32; 3], [f32; 3])> = shape.room()?;

@@ -144,7 +144,7 @@ class Options(Module):
     def test_every_keyword_changes_what_it_names_and_nothing_at_its_default(self):
         uv, wi, wo = self.places((400,))
         plain = self.asset.eval(uv, wi, wo)
-        same = self.asset.eval(uv, wi, wo, components=4, lobes=1000, interpolation="fast", parallax=True, level=0)
+        same = self.asset.eval(uv, wi, wo, components=4, lobes=1000, interpolation="fast", heights="relief", level=0)
         np.testing.assert_array_equal(same, plain)
         for keywords in [{"components": 0}, {"components": 2}, {"interpolation": "exact"}]:
             other = self.asset.eval(uv, wi, wo, **keywords)

@@ -314,7 +314,7 @@ mod tests {
     fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
         let (module, _) = validated(&module_text()).unwrap();
         assert_eq!(layout(&module, "Query"), fields!(Query; wi, level, wo, asset, uv, options, pad));
-        assert_eq!(layout(&module, "BtfOptions"), fields!(Options; components, lobes, interpolation, parallax));
+        assert_eq!(layout(&module, "BtfOptions"), fields!(Options; components, lobes, interpolation, heights));
         assert_eq!(layout(&module, "Answer"), fields!(Answer; wi, density, value, pad));
         assert_eq!(layout(&module, "Range"), fields!(Range; first, count, pad));
         // Planted difference: two fields of the same size exchanged.

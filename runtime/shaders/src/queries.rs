@@ -37,14 +37,14 @@ pub struct Options {
     pub lobes: u32,
     /// Number of a [`btf_runtime::Interpolation`].
     pub interpolation: u32,
-    /// 1 removes the parallax of eyes outside the measured views' hull, 0 leaves it.
-    pub parallax: u32,
+    /// Number of the [`HeightUse`](btf_runtime::HeightUse).
+    pub heights: u32,
 }
 
 impl From<DecodeOptions> for Options {
     fn from(options: DecodeOptions) -> Options {
-        let DecodeOptions { components, lobes, interpolation, parallax } = options;
-        Options { components, lobes, interpolation: interpolation as u32, parallax: parallax.into() }
+        let DecodeOptions { components, lobes, interpolation, heights } = options;
+        Options { components, lobes, interpolation: interpolation as u32, heights: heights as u32 }
     }
 }
 

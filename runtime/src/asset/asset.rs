@@ -5,6 +5,7 @@ use crate::asset::edit::Edits;
 use crate::asset::heights::Heights;
 use crate::asset::limits::MAX_LEVELS;
 use crate::asset::lobe_weights::LobeWeights;
+use crate::asset::relief::Relief;
 use crate::asset::residual::{Residual, ResidualKind};
 use crate::asset::sphere::Sphere;
 
@@ -84,6 +85,8 @@ pub struct Layer {
     pub views: Sphere,
     /// Displacement of the texels; `None` if parallax between the views is not to be removed.
     pub heights: Option<Heights>,
+    /// Corrections between the measured directions that the heights give; `None` for none.
+    pub relief: Option<Relief>,
     /// Cluster of each texel.
     pub texel_clusters: Vec<u8>,
     /// Number of lobes of each texel.
@@ -100,6 +103,15 @@ pub struct Layer {
 }
 
 impl Layer {
+    /// Returns whether the layer is one that may have [`Relief`]: it has heights, the root curve, and lobes of
+    /// [`LobeRole::Base`] whose weights the coefficients predict.
+    pub fn may_have_relief(&self) -> bool {
+        self.heights.is_some()
+            && self.residual_kind == ResidualKind::Root
+            && self.lobe_role == LobeRole::Base
+            && self.lobe_weights.is_some()
+    }
+
     /// Returns the largest number of lobes that a texel has.
     pub fn most_lobes(&self) -> usize {
         self.texel_lobe_counts.iter().copied().max().unwrap_or(0).into()
@@ -206,6 +218,7 @@ impl Asset {
         (asset.width, asset.height) = (level.width, level.height);
         for (layer, texels) in asset.layers.iter_mut().zip(&level.layers) {
             layer.heights = texels.heights.clone();
+            layer.relief = layer.relief.filter(|_| layer.heights.is_some());
             layer.texel_clusters = texels.clusters.clone();
             layer.texel_lobe_counts = texels.lobe_counts.clone();
             layer.lobe_refs = texels.lobe_refs.clone();

@@ -10,5 +10,6 @@ pub(crate) mod lobe;
 pub(crate) mod lobe_tables;
 pub(crate) mod lobe_weights;
 pub(crate) mod predicted_lobes;
+pub(crate) mod relief;
 pub(crate) mod residual;
 pub(crate) mod sphere;

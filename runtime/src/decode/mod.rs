@@ -6,6 +6,7 @@ pub(crate) mod lobe_queue;
 pub(crate) mod measured;
 pub(crate) mod options;
 pub(crate) mod parallax;
+pub(crate) mod relief;
 pub(crate) mod residual_sum;
 pub(crate) mod sample;
 #[cfg(test)]

@@ -21,6 +21,39 @@ impl Interpolation {
     }
 }
 
+/// The use that decoders make of a layer's heights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u32)]
+pub enum HeightUse {
+    /// Ignores them.
+    None = 0,
+    /// Removes the parallax of eyes outside the measured views' hull. Costs four rays through the heights, and three
+    /// texels in place of one.
+    Parallax = 1,
+    /// Also corrects what is interpolated between the measured directions, where the layer has [`crate::Relief`]. Fast
+    /// rule only. Costs four rays, and the shading of up to ten points a light.
+    Relief = 2,
+}
+
+impl HeightUse {
+    /// All uses, each with those before it.
+    pub const ALL: [HeightUse; 3] = [HeightUse::None, HeightUse::Parallax, HeightUse::Relief];
+
+    /// Returns the use with a number; `None` for an unknown one.
+    pub fn from_number(number: u32) -> Option<HeightUse> {
+        HeightUse::ALL.into_iter().find(|known| *known as u32 == number)
+    }
+
+    /// Returns the name on command lines and in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            HeightUse::None => "none",
+            HeightUse::Parallax => "parallax",
+            HeightUse::Relief => "relief",
+        }
+    }
+}
+
 /// The options of one evaluation, from fast to exact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DecodeOptions {
@@ -30,14 +63,18 @@ pub struct DecodeOptions {
     pub lobes: u32,
     /// Interpolation rule.
     pub interpolation: Interpolation,
-    /// Whether the parallax of eyes outside the measured views' hull is removed, where the asset has heights. Costs
-    /// four rays through the heights, and three texels in place of one.
-    pub parallax: bool,
+    /// Use of the heights, where the asset has any.
+    pub heights: HeightUse,
 }
 
 impl Default for DecodeOptions {
     fn default() -> DecodeOptions {
-        DecodeOptions { components: u32::MAX, lobes: u32::MAX, interpolation: Interpolation::Fast, parallax: true }
+        DecodeOptions {
+            components: u32::MAX,
+            lobes: u32::MAX,
+            interpolation: Interpolation::Fast,
+            heights: HeightUse::Relief,
+        }
     }
 }
 

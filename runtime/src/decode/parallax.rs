@@ -7,7 +7,6 @@
 //! same (docs/results/results.md); outside, where slopes grow fast, the neighbours are shifted.
 
 use crate::asset::heights::Heights;
-use crate::numeric::quantize::coefficient_from_byte;
 use crate::resident::layout::{ASSET_LAYERS, block, level_size};
 use crate::resident::resident::Resident;
 
@@ -39,9 +38,8 @@ pub struct SeenBy {
 /// A displacement map as decoders read it.
 #[derive(Debug, Clone, Copy)]
 pub struct HeightField<'a> {
-    words: &'a [u32],
-    /// First word of the codes, four texels a word.
-    at: usize,
+    /// Code of each texel, padded to whole words.
+    codes: &'a [i8],
     /// Columns and rows.
     size: [usize; 2],
     /// Texel widths per code.
@@ -53,7 +51,7 @@ pub struct HeightField<'a> {
 impl<'a> HeightField<'a> {
     /// Makes a displacement map of `words`, which are [`Heights::to_words`] of a map with `size` columns and rows.
     pub fn new(words: &'a [u32], size: [usize; 2], heights: &Heights) -> HeightField<'a> {
-        HeightField { words, at: 0, size, step: heights.step, range: heights.range() }
+        HeightField { codes: bytemuck::cast_slice(words), size, step: heights.step, range: heights.range() }
     }
 
     /// Returns the displacement map of the layer whose block begins at word `layer` of a resident asset; `None` if the
@@ -61,10 +59,10 @@ impl<'a> HeightField<'a> {
     pub(crate) fn of_layer(words: &'a [u32], layer: usize) -> Option<HeightField<'a>> {
         let float = |field: usize| f32::from_bits(words[layer + field]);
         let at = words[layer + block::HEIGHTS] as usize;
+        let size = level_size(words, layer);
         (at > 0).then(|| HeightField {
-            words,
-            at,
-            size: level_size(words, layer),
+            codes: bytemuck::cast_slice(&words[at..at + (size[0] * size[1]).div_ceil(4)]),
+            size,
             step: float(block::HEIGHT_STEP),
             range: [float(block::MIN_HEIGHT), float(block::MAX_HEIGHT)],
         })
@@ -77,29 +75,44 @@ impl<'a> HeightField<'a> {
         HeightField::of_layer(words, words[ASSET_LAYERS + layer as usize] as usize)
     }
 
+    /// Returns columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
     /// Returns the least and the greatest height in texel widths.
     pub fn range(&self) -> [f32; 2] {
         self.range
     }
 
-    fn of_texel(&self, column: usize, row: usize) -> f32 {
-        let texel = row * self.size[0] + column;
-        self.step * coefficient_from_byte(self.words[self.at + texel / 4] >> (8 * (texel as u32 % 4)) & 0xff)
+    #[inline(always)]
+    fn of_texel(&self, texel: usize) -> f32 {
+        self.step * f32::from(self.codes[texel])
     }
 
     /// Interpolates bilinearly between two columns and two rows, `part` of the way from the first to the next.
+    #[inline(always)]
     fn between(&self, [c, r]: [usize; 2], [next_c, next_r]: [usize; 2], part: [f32; 2]) -> f32 {
-        let upper = self.of_texel(c, r) + (self.of_texel(next_c, r) - self.of_texel(c, r)) * part[0];
-        let lower = self.of_texel(c, next_r) + (self.of_texel(next_c, next_r) - self.of_texel(c, next_r)) * part[0];
+        let [upper, lower] = [r * self.size[0], next_r * self.size[0]];
+        let (upper_left, lower_left) = (self.of_texel(upper + c), self.of_texel(lower + c));
+        let upper = upper_left + (self.of_texel(upper + next_c) - upper_left) * part[0];
+        let lower = lower_left + (self.of_texel(lower + next_c) - lower_left) * part[0];
         upper + (lower - upper) * part[1]
     }
 
     /// Interpolates bilinearly; the edges continue outside. Texel centres are at whole numbers.
-    fn at(&self, place: [f32; 2]) -> f32 {
-        let [column, row] = [0, 1].map(|i| place[i].clamp(0.0, (self.size[i] - 1) as f32));
-        let (c, r) = (column as usize, row as usize);
-        let (next_c, next_r) = ((c + 1).min(self.size[0] - 1), (r + 1).min(self.size[1] - 1));
-        self.between([c, r], [next_c, next_r], [column - c as f32, row - r as f32])
+    #[inline(always)]
+    pub fn at(&self, place: [f32; 2]) -> f32 {
+        let [most_c, most_r] = [self.size[0] - 1, self.size[1] - 1];
+        let column = place[0].clamp(0.0, most_c as f32);
+        let row = place[1].clamp(0.0, most_r as f32);
+        // Converted by way of a signed number, which processors do in one step.
+        let (c, r) = (column as i32 as usize, row as i32 as usize);
+        self.between(
+            [c, r],
+            [(c + 1).min(most_c), (r + 1).min(most_r)],
+            [column - c as i32 as f32, row - r as i32 as f32],
+        )
     }
 
     /// Interpolates bilinearly; the map repeats. Texel centres are at whole numbers.
@@ -130,6 +143,14 @@ impl<'a> HeightField<'a> {
             (free, clear) = (z, now);
         }
         least
+    }
+
+    /// Returns the place of the surface point that an eye at `direction` sees at `place` of the mean plane. Cost: a ray of
+    /// at most 64 steps.
+    pub(crate) fn seen_place(&self, place: [f32; 2], direction: [f32; 3]) -> [f32; 2] {
+        let s = Self::slope(direction);
+        let z = self.first_hit(place, s);
+        [place[0] + z * s[0], place[1] + z * s[1]]
     }
 
     /// Returns the slope of a ray towards `direction`: columns and rows per unit of height, at most [`MAX_SLOPE`].
@@ -180,7 +201,7 @@ mod tests {
     use crate::asset::limits::MAX_HEIGHT_STEP;
     use crate::asset::residual::ResidualKind;
     use crate::decode::decode::decode;
-    use crate::decode::options::{DecodeOptions, Interpolation};
+    use crate::decode::options::{DecodeOptions, HeightUse, Interpolation};
     use crate::error::FormatError;
     use crate::pack;
     use crate::testing::{Random, direction_from_degrees, sample_asset, sample_heights};
@@ -260,7 +281,7 @@ mod tests {
             let resident = Resident::from_asset(&asset);
             for interpolation in [Interpolation::Fast, Interpolation::Exact] {
                 let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
-                let flat = DecodeOptions { parallax: false, ..options };
+                let flat = DecodeOptions { heights: HeightUse::None, ..options };
                 let both = |wo| {
                     [options, flat]
                         .map(|options| decode(&resident, 0, 31, direction_from_degrees(40.0, 20.0), wo, &options))

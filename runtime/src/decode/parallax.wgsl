@@ -85,6 +85,12 @@ fn height_first_hit(field: HeightField, place: vec2<f32>, s: vec2<f32>) -> f32 {
     return field.range.x;
 }
 
+// Returns the place of the surface point that an eye at `direction` sees at `place` of the mean plane.
+fn height_seen_place(field: HeightField, place: vec2<f32>, direction: vec3<f32>) -> vec2<f32> {
+    let s = height_slope(direction);
+    return place + height_first_hit(field, place, s) * s;
+}
+
 fn height_slope(direction: vec3<f32>) -> vec2<f32> {
     let s = vec2<f32>(direction.x, -direction.y) / max(direction.z, 1e-6);
     return s / max(length(s) / MAX_SLOPE, 1.0);

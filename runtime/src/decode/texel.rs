@@ -67,6 +67,11 @@ impl<'a> Texel<'a> {
         f32::from_bits(self.words[self.layer + field])
     }
 
+    /// Returns whether the texel has a residual and a record of relief.
+    pub(crate) fn has_relief(&self) -> bool {
+        self.bases > 0 && self.field(block::RELIEF) > 0
+    }
+
     /// Returns the word of the texel's first lobe reference.
     pub(crate) fn first_lobe(&self) -> usize {
         self.field(block::REFS) + self.first_ref

@@ -10,8 +10,8 @@ struct BtfOptions {
     components: u32,
     lobes: u32,
     interpolation: u32,
-    // 1 removes the parallax of eyes outside the views' hull, where the asset has heights; 0 leaves it.
-    parallax: u32,
+    // Use of the heights, where the asset has any: 0 none, 1 for parallax beyond the views' hull, 2 for relief as well.
+    heights: u32,
 }
 
 // The record of a texel, with the limits of the options applied.

@@ -10,8 +10,9 @@ use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{LobeSetup, ResidentLobe};
 use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::{Neighbours, direction, locate, within_hull};
-use crate::decode::options::{DecodeOptions, Interpolation, RATIO_EPSILON, RATIO_RANGE};
+use crate::decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 use crate::decode::parallax::{HeightField, SeenBy};
+use crate::decode::relief::{ReliefTerms, SeenRelief};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
 use crate::decode::texel::Texel;
 use crate::resident::layout::block;
@@ -64,10 +65,10 @@ impl LightRows {
 /// The sum over the neighbouring views at a measured light, with their weights.
 #[derive(Debug, Clone, Copy, Default)]
 struct Row {
-    /// Fast rule: the residual. Exact rule: decoded linear values.
+    /// Fast rule: the residual, less what relief adds. Exact rule: decoded linear values.
     value: [f32; 3],
-    /// Exact rule: sums of the lobes.
-    lobes: [f32; 3],
+    /// Exact rule: sums of the lobes. Fast rule with relief: shading of the points that the views show.
+    other: [f32; 3],
 }
 
 /// A light on the layer's side.
@@ -100,6 +101,8 @@ pub struct ViewedTexel<'a> {
     weights: [f32; 3],
     /// Texel that each neighbouring view shows, where the eye lies outside the views' hull and the asset has heights.
     shifted: Option<[Texel<'a>; 3]>,
+    /// Points that are seen, where relief corrects the interpolation.
+    relief: Option<SeenRelief>,
     kind: ResidualKind,
     role: LobeRole,
     exact: bool,
@@ -144,11 +147,12 @@ impl<'a> ViewedTexel<'a> {
             views: view.ids,
             weights: view.weights,
             shifted: None,
+            relief: None,
             kind: ResidualKind::from_number(t.field(block::RESIDUAL_KIND) as u32).unwrap_or(ResidualKind::Additive),
             role: LobeRole::from_number(t.field(block::LOBE_ROLE) as u32).unwrap_or(LobeRole::Guide),
             exact: options.interpolation == Interpolation::Exact,
         };
-        if options.parallax
+        if options.heights != HeightUse::None
             && view.beyond < 1.0
             && wo[2] > 0.0
             && let Some(heights) = HeightField::of_layer(t.words, t.layer)
@@ -157,6 +161,13 @@ impl<'a> ViewedTexel<'a> {
             let seen: SeenBy = heights.seen_by(t.texel as u32, wo, view.beyond, &measured, &view.weights);
             viewed.weights = seen.weights;
             viewed.shifted = Some(seen.texels.map(|texel| t.at(texel, options)));
+        }
+        if options.heights == HeightUse::Relief && !viewed.exact && t.has_relief() && wo[2] > 0.0 {
+            let eyes = [wo, within_hull(t.words, t.field(block::VIEWS), wo, &view)];
+            let shown = [0, 1, 2].map(|v| viewed.shown_by(v).texel);
+            let relief = SeenRelief::new(&t, eyes, &viewed.measured_views(), shown, &viewed.weights);
+            viewed.weights = relief.as_ref().map_or(viewed.weights, |relief| relief.view_weights(viewed.weights));
+            viewed.relief = relief;
         }
         viewed
     }
@@ -213,18 +224,25 @@ impl<'a> ViewedTexel<'a> {
             self.kind.combine_rgb(if self.role == LobeRole::Guide { [0.0; 3] } else { lobes }, residual, epsilon);
         for c in 0..3 {
             row.value[c] += self.weights[v] * value[c];
-            row.lobes[c] += self.weights[v] * lobes[c];
+            row.other[c] += self.weights[v] * lobes[c];
         }
     }
 
     /// Computes the rows of three measured `lights`; those not `wanted` stay 0.
     fn rows(&self, lights: [u32; 3], wanted: [bool; 3], epsilon: f32) -> [Row; 3] {
         let mut rows = [Row::default(); 3];
+        if let Some(relief) = &self.relief {
+            let (terms, _) = self.relief_terms(relief, lights, wanted, None);
+            for (row, terms) in rows.iter_mut().zip(terms) {
+                *row = Row { value: terms.added.map(|x| -x), other: terms.shading };
+            }
+        }
         for l in (0..3).filter(|l| wanted[*l]) {
             let mut shares = [0.0; 3];
             shares[l] = 1.0;
             if !self.exact {
-                rows[l].value = self.residual(lights, shares, self.weights);
+                let residual = self.residual(lights, shares, self.weights);
+                (0..3).for_each(|c| rows[l].value[c] += residual[c]);
                 continue;
             }
             for v in (0..3).filter(|v| self.weights[*v] > 0.0) {
@@ -330,7 +348,7 @@ impl<'a> ViewedTexel<'a> {
         let here = if self.asks_lobes() { self.lobe_sum(0, lobe) } else { [0.0; 3] };
         let mut value = match &lit.place {
             None => here.map(|x| x.max(0.0)),
-            Some(place) => self.measured(rows, place, here),
+            Some(place) => self.measured(rows, place, lit.toward, here),
         };
         if t.edit > 0 {
             value = self.edited(value, here, self.lobe_sum(t.edit, lobe));
@@ -365,10 +383,51 @@ impl<'a> ViewedTexel<'a> {
         value.map(|x| x * falling)
     }
 
+    /// Returns the interpolated residual with the terms of relief, for a `light` seen `toward`, by the fast rule.
+    fn relieved(
+        &self,
+        relief: &SeenRelief,
+        rows: Option<&mut LightRows>,
+        light: &Neighbours,
+        toward: [f32; 3],
+    ) -> [f32; 3] {
+        let epsilon = self.t.float(block::EPSILON);
+        let wanted = light.weights.map(|weight| weight > 0.0);
+        let Some(rows) = rows else {
+            let (of_lights, here) = self.relief_terms(relief, light.ids, wanted, Some(toward));
+            let weights = relief.light_weights(light.weights, here.shading, of_lights.map(|terms| terms.shading));
+            let mut sum = self.residual(light.ids, weights, self.weights);
+            for c in 0..3 {
+                sum[c] += here.added[c] - (0..3).map(|l| weights[l] * of_lights[l].added[c]).sum::<f32>();
+            }
+            return sum;
+        };
+        let found = rows.find_or_make(light.ids, wanted, |missing| self.rows(light.ids, missing, epsilon));
+        let (_, here) = self.relief_terms(relief, light.ids, [false; 3], Some(toward));
+        let weights = relief.light_weights(light.weights, here.shading, found.map(|row| row.other));
+        [0, 1, 2].map(|c| here.added[c] + (0..3).map(|l| weights[l] * found[l].value[c]).sum::<f32>())
+    }
+
+    /// Returns the terms of relief at the measured `lights` that are `wanted`, and those of the eye's own point.
+    fn relief_terms(
+        &self,
+        relief: &SeenRelief,
+        lights: [u32; 3],
+        wanted: [bool; 3],
+        toward: Option<[f32; 3]>,
+    ) -> ([ReliefTerms; 3], ReliefTerms) {
+        let at = self.t.field(block::LIGHTS);
+        let wis = [0, 1, 2].map(|l| wanted[l].then(|| direction(self.t.words, at, lights[l])));
+        relief.of_lights(wis, toward, &self.measured_views(), self.weights, self.t.float(block::EPSILON))
+    }
+
     /// Returns the measured value for a `light`, without its fall towards the horizon; `here` are the lobes, where they are
     /// needed.
-    fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, here: [f32; 3]) -> [f32; 3] {
+    fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, toward: [f32; 3], here: [f32; 3]) -> [f32; 3] {
         let epsilon = self.t.float(block::EPSILON);
+        if let Some(relief) = &self.relief {
+            return self.combined(here, self.relieved(relief, rows, light, toward), light.beyond);
+        }
         if rows.is_none() && !self.exact {
             return self.combined(here, self.residual(light.ids, light.weights, self.weights), light.beyond);
         }
@@ -384,7 +443,7 @@ impl<'a> ViewedTexel<'a> {
         if !self.exact {
             return self.combined(here, value, light.beyond);
         }
-        let lobes = mix(|row| row.lobes);
+        let lobes = mix(|row| row.other);
         [0, 1, 2].map(|c| {
             let ratio = (here[c] + RATIO_EPSILON) / (lobes[c] + RATIO_EPSILON);
             value[c] * ratio.clamp(RATIO_RANGE[0], RATIO_RANGE[1])
@@ -431,9 +490,11 @@ impl<const BLOCKS: usize> WithSimd for InBlocks<'_, '_, BLOCKS> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::asset::Asset;
     use crate::asset::heights::Heights;
+    use crate::asset::relief::Relief;
     use crate::decode::decode::decode;
-    use crate::testing::{Random, sample_asset};
+    use crate::testing::{Random, sample_asset, sample_relief_asset};
 
     #[test]
     fn lights_that_share_rows_decode_as_each_would_alone() {
@@ -471,6 +532,66 @@ mod tests {
                 assert!(others > 1000, "{others}");
             }
         }
+    }
+
+    #[test]
+    fn relief_changes_nothing_at_measured_directions_and_lights_share_its_rows() {
+        let asset = sample_relief_asset(64, 12, 10);
+        let resident = Resident::from_asset(&asset);
+        let relief = DecodeOptions::default();
+        let plain = DecodeOptions { heights: HeightUse::Parallax, ..relief };
+        let layer = &asset.layers[0];
+        let (lights, views) = (&layer.lights, &layer.views);
+        let mut changed = 0;
+        let far = |a: [f32; 3], b: [f32; 3], share: f32| (0..3).any(|c| (a[c] - b[c]).abs() > share * (1.0 + b[c]));
+        for texel in (0..120).step_by(7) {
+            for view in 0..views.len() as u32 {
+                let viewed = ViewedTexel::new(&resident, 0, texel, views.direction(view), &relief);
+                let mut rows = LightRows::default();
+                for light in 0..lights.len() as u32 {
+                    let (wi, wo) = (lights.direction(light), views.direction(view));
+                    let measured = decode(&resident, 0, texel, wi, wo, &plain);
+                    assert!(
+                        !far(decode(&resident, 0, texel, wi, wo, &relief), measured, 2e-5),
+                        "{texel} {view} {light}"
+                    );
+                    assert!(!far(viewed.light(&mut rows, wi), measured, 2e-5));
+                    // Between the directions.
+                    let near = lights.direction((light + 1) % lights.len() as u32);
+                    let between = [0, 1, 2].map(|i| wi[i] + 0.8 * near[i]);
+                    let length = between.iter().map(|x| x * x).sum::<f32>().sqrt();
+                    let wi = between.map(|x| x / length);
+                    let alone = decode(&resident, 0, texel, wi, wo, &relief);
+                    assert!(!far(viewed.light(&mut rows, wi), alone, 2e-5), "{texel} {view} {light}");
+                    changed += u32::from(far(alone, decode(&resident, 0, texel, wi, wo, &plain), 1e-3));
+                }
+            }
+        }
+        assert!(changed > 1000, "{changed}");
+    }
+
+    #[test]
+    fn level_heights_without_gloss_and_likeness_leave_all_values() {
+        let mut asset = sample_relief_asset(65, 12, 10);
+        let layer = &mut asset.layers[0];
+        layer.relief = Some(Relief { likeness: 0.0, shading: 1.0, gloss: 0.0 });
+        let moved = |asset: &Asset| {
+            let (resident, mut random) = (Resident::from_asset(asset), Random::new(5));
+            let relief = DecodeOptions::default();
+            let plain = DecodeOptions { heights: HeightUse::None, ..relief };
+            let differs = |_: &u32| {
+                let (texel, wi, wo) = (random.below(120) as u32, random.direction(), random.direction());
+                let [a, b] = [relief, plain].map(|options| decode(&resident, 0, texel, wi, wo, &options));
+                // Codes of the albedo are bytes, and albedos above their range are cut.
+                (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3 * (1.0 + b[c]))
+            };
+            (0..500).filter(differs).count()
+        };
+        let planted = moved(&asset);
+        if let Some(heights) = &mut asset.layers[0].heights {
+            heights.codes.fill(0);
+        }
+        assert!(moved(&asset) == 0 && planted > 50, "{} {planted}", moved(&asset));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 // and the residual, summed over the views, at the measured lights that were asked for. Twin: decode/viewed_texel.rs.
 
 const INTERPOLATION_EXACT: u32 = 1u;
+const HEIGHTS_RELIEF: u32 = 2u;
 const RATIO_EPSILON: f32 = 0.03;
 const RATIO_MIN: f32 = 0.3;
 const RATIO_MAX: f32 = 4.0;
@@ -11,16 +12,16 @@ const LIGHT_ROWS: u32 = 32u;
 struct LightRows {
     // Number of the measured light plus 1; 0 for no row.
     ids: array<u32, LIGHT_ROWS>,
-    // Fast rule: the residual. Exact rule: decoded linear values.
+    // Fast rule: the residual, less what relief adds. Exact rule: decoded linear values.
     values: array<vec3<f32>, LIGHT_ROWS>,
-    // Exact rule: sums of the lobes.
-    lobes: array<vec3<f32>, LIGHT_ROWS>,
+    // Exact rule: sums of the lobes. Fast rule with relief: shading of the points that the views show.
+    others: array<vec3<f32>, LIGHT_ROWS>,
 }
 
 // Three rows, one a column.
 struct ThreeRows {
     values: mat3x3<f32>,
-    lobes: mat3x3<f32>,
+    others: mat3x3<f32>,
 }
 
 struct ViewedTexel {
@@ -36,6 +37,9 @@ struct ViewedTexel {
     shifted: bool,
     shown: vec3<u32>,
     exact: bool,
+    // Whether relief corrects the interpolation, with the points that are seen.
+    relieved: bool,
+    relief: SeenRelief,
 }
 
 // Prepares `texel` of `layer` for the eye at `wo`, a unit vector in the texel's frame.
@@ -54,15 +58,28 @@ fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: B
         view.ids,
         asset_word(t.layer + BLOCK_LOBE_ROLE),
         view.weights,
-        options.parallax != 0u && view.beyond < 1.0 && wo.z > 0.0 && asset_word(t.layer + BLOCK_HEIGHTS) != 0u,
+        options.heights != 0u && view.beyond < 1.0 && wo.z > 0.0 && asset_word(t.layer + BLOCK_HEIGHTS) != 0u,
         vec3<u32>(texel),
         options.interpolation == INTERPOLATION_EXACT,
+        false,
+        SeenRelief(),
     );
     if viewed.shifted {
         let measured = viewed_measured_views(viewed);
         let seen = height_seen_by(height_field(base, t.layer), texel, wo, view.beyond, measured, view.weights);
         viewed.shown = seen.texels;
         viewed.weights = seen.weights;
+    }
+    if options.heights == HEIGHTS_RELIEF
+        && !viewed.exact
+        && t.bases > 0u
+        && wo.z > 0.0
+        && asset_word(t.layer + BLOCK_RELIEF) != 0u
+    {
+        let eye = sphere_within_hull(base + asset_word(t.layer + BLOCK_VIEWS), wo, view);
+        viewed.relieved = true;
+        viewed.relief = relief_seen(t, wo, eye, viewed_measured_views(viewed), viewed.shown, viewed.weights);
+        viewed.weights = relief_view_weights(viewed.relief, viewed.weights);
     }
     return viewed;
 }
@@ -118,7 +135,17 @@ fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsil
                 let wi = sphere_direction(t.base + asset_word(t.layer + BLOCK_LIGHTS), lights[l]);
                 let lobes = texel_lobe_sum(t, 0u, wi, measured[v]);
                 rows.values[l] += weight * residual_combine(viewed.kind, base_share * lobes, residual[l], epsilon, 1.0);
-                rows.lobes[l] += weight * lobes;
+                rows.others[l] += weight * lobes;
+            }
+        }
+    }
+    if viewed.relieved {
+        for (var l = 0u; l < 3u; l++) {
+            if wanted[l] {
+                let wi = sphere_direction(viewed.t.base + asset_word(viewed.t.layer + BLOCK_LIGHTS), lights[l]);
+                let terms = relief_of_views(viewed.relief, wi, measured, viewed.weights, epsilon);
+                rows.values[l] -= terms.added;
+                rows.others[l] = terms.shading;
             }
         }
     }
@@ -159,7 +186,7 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     }
     var value = max(lobes[0], vec3<f32>(0.0));
     if t.bases > 0u {
-        value = viewed_measured(viewed, rows, light, lobes[0]);
+        value = viewed_measured(viewed, rows, light, wi, lobes[0]);
     }
     if t.edit > 0u {
         value = viewed_edited(viewed, value, lobes[0], lobes[1]);
@@ -179,12 +206,13 @@ fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: 
     return tint * min(value_edited, vec3<f32>(1e37));
 }
 
-// Returns the measured value for a light with these neighbours, without its fall towards the horizon; `here` are the
-// lobes, where they are needed.
+// Returns the measured value for a light with these neighbours that is seen `toward`, without its fall towards the
+// horizon; `here` are the lobes, where they are needed.
 fn viewed_measured(
     viewed: ViewedTexel,
     rows: ptr<function, LightRows>,
     light: Neighbours,
+    toward: vec3<f32>,
     here: vec3<f32>,
 ) -> vec3<f32> {
     let t = viewed.t;
@@ -196,8 +224,8 @@ fn viewed_measured(
     for (var l = 0u; l < 3u; l++) {
         if wanted[l] && (*rows).ids[place[l]] == light.ids[l] + 1u {
             found.values[l] = (*rows).values[place[l]];
-            if viewed.exact {
-                found.lobes[l] = (*rows).lobes[place[l]];
+            if viewed.exact || viewed.relieved {
+                found.others[l] = (*rows).others[place[l]];
             }
             wanted[l] = false;
         }
@@ -209,21 +237,28 @@ fn viewed_measured(
                 found.values[l] = made.values[l];
                 (*rows).ids[place[l]] = light.ids[l] + 1u;
                 (*rows).values[place[l]] = made.values[l];
-                if viewed.exact {
-                    found.lobes[l] = made.lobes[l];
-                    (*rows).lobes[place[l]] = made.lobes[l];
+                if viewed.exact || viewed.relieved {
+                    found.others[l] = made.others[l];
+                    (*rows).others[place[l]] = made.others[l];
                 }
             }
         }
     }
-    let value = found.values * light.weights;
+    var weights = light.weights;
+    var added = vec3<f32>(0.0);
+    if viewed.relieved {
+        let terms = relief_here(viewed.relief, toward, viewed.weights, epsilon);
+        weights = relief_light_weights(viewed.relief, light.weights, terms.shading, found.others);
+        added = terms.added;
+    }
+    let value = found.values * weights + added;
     if !viewed.exact {
         let guide = viewed.lobe_role == LOBE_ROLE_GUIDE;
         let base = select(here, vec3<f32>(0.0), guide);
         let scaled = select(1.0, light.beyond, viewed.lobe_role == LOBE_ROLE_OLD_BASE);
         return residual_combine(viewed.kind, base, value, epsilon, scaled) * select(1.0, light.beyond, guide);
     }
-    let lobes = found.lobes * light.weights;
+    let lobes = found.others * light.weights;
     let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);
     return value * clamp(ratio, vec3<f32>(RATIO_MIN), vec3<f32>(RATIO_MAX));
 }

@@ -95,6 +95,8 @@ pub enum SectionKind {
     Words = 15,
     /// Lobe weights as functions of the coefficients.
     LobeWeights = 16,
+    /// Corrections between the measured directions that the heights give.
+    Relief = 17,
 }
 
 impl SectionKind {
@@ -118,6 +120,7 @@ impl SectionKind {
             Edits,
             Words,
             LobeWeights,
+            Relief,
         ]
         .into_iter()
         .find(|known| *known as u32 == kind)

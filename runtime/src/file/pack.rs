@@ -12,6 +12,7 @@ use crate::asset::limits::{
 };
 use crate::asset::lobe::Lobe;
 use crate::asset::lobe_weights::LobeWeights;
+use crate::asset::relief::Relief;
 use crate::asset::residual::{Coefficients, Residual};
 use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
 use crate::container::writer::{SectionSource, write_file_of};
@@ -80,6 +81,7 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
             sections.push(SectionSource { kind, layer, index, bytes, ends_tier: false });
         }
     }
+    // A layer with relief has lobes as base.
     let is_new = |layer: &Layer| layer.lobe_role == LobeRole::Base || layer.lobe_weights.is_some();
     let head = Head {
         version: if asset.layers.iter().any(is_new) { 2 } else { 1 },
@@ -144,6 +146,11 @@ fn check_layer(layer: &Layer, texels: usize) -> Result<(), FormatError> {
         &layer.dictionary,
         texels,
     )?;
+    if layer.relief.is_some_and(|relief| !layer.may_have_relief() || Relief::from_numbers(relief.numbers()).is_none()) {
+        return refuse(
+            "relief needs heights, the root curve and predicted lobes as base, and shares within their ranges",
+        );
+    }
     if !EPSILON_RANGE.contains(&layer.epsilon) {
         return refuse("epsilon must be 1e-6 to 1");
     }
@@ -330,6 +337,9 @@ fn push_base_sections(
         let mut bytes = bytes_from_words(&[heights.step.to_bits()]);
         bytes.extend(encode_plane(&heights.codes, width));
         push(SectionKind::Height, 0, bytes, false);
+    }
+    if let Some(relief) = &layer.relief {
+        push(SectionKind::Relief, 0, bytes_from_words(&relief.numbers().map(f32::to_bits)), false);
     }
     let ids = coded(|coder| code_clusters(coder, &mut layer.texel_clusters.clone(), width));
     let mut words: Vec<u32> = layer.dictionary.iter().map(|lobes| lobes.len() as u32).collect();

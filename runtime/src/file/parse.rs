@@ -12,6 +12,7 @@ use crate::asset::limits::{
 };
 use crate::asset::lobe::{FILE_WORDS, Lobe};
 use crate::asset::lobe_weights::LobeWeights;
+use crate::asset::relief::Relief;
 use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
 use crate::container::directory::{Directory, read_directory_of};
@@ -142,6 +143,8 @@ fn read_layer(
     });
     let heights = sections.find(SectionKind::Height, layer, 0);
     let heights = heights.map(|reader| faults.keep(read_heights(reader, texels, width)));
+    let relief = sections.find(SectionKind::Relief, layer, 0);
+    let relief = relief.map(|reader| faults.keep(read_relief(reader)));
 
     let clusters = parameters.as_ref().map(|parameters| parameters.clusters);
     let reader = sections.get(SectionKind::TexelClusters, layer, 0, faults);
@@ -186,6 +189,7 @@ fn read_layer(
         lights: lights?,
         views: views?,
         heights: heights.flatten(),
+        relief: relief.flatten(),
         texel_clusters: texel_clusters?,
         texel_lobe_counts: if predicted { Vec::new() } else { texel_lobe_counts? },
         dictionary: dictionary?,
@@ -196,6 +200,9 @@ fn read_layer(
     if let Some((weights, nodes)) = lobe_weights {
         let most = if has_residual { components } else { 0 };
         add_lobe_weights(sections, number, &mut layer, (weights, nodes), most, [width, height], faults)?;
+    }
+    if layer.relief.is_some() && !layer.may_have_relief() {
+        return faults.keep(sections.find(SectionKind::Relief, number, 0)?.bad(rule::RELIEF_ALONE));
     }
     Some(layer)
 }
@@ -463,6 +470,13 @@ fn read_heights(mut reader: Reader, texels: usize, width: usize) -> Result<Heigh
         return reader.bad(rule::HEIGHT_STEP);
     }
     Ok(Heights { step, codes: reader.plane(texels, width)? })
+}
+
+fn read_relief(mut reader: Reader) -> Result<Relief, FormatError> {
+    let words = reader.words(3)?;
+    reader.end()?;
+    let relief = Relief::from_numbers([0, 1, 2].map(|i| f32::from_bits(words[i])));
+    relief.map_or_else(|| reader.bad(rule::NUMBER), Ok)
 }
 
 /// Reads the residual of a layer; `None` where the tier at hand ends before the residual's mean, or anything is at

@@ -177,7 +177,9 @@ fn is_read(asset: &Asset, [kind, layer, index]: [u32; 3]) -> bool {
     match SectionKind::from_number(kind) {
         None => true,
         Some(Material | Edits) => layer == 0 && index == 0,
-        Some(Layer | TexelClusters | TexelLobeCounts | Dictionary | LobeRefs | Height | LobeWeights) => index == 0,
+        Some(Layer | TexelClusters | TexelLobeCounts | Dictionary | LobeRefs | Height | Relief | LobeWeights) => {
+            index == 0
+        }
         Some(Directions) => index < 2,
         Some(Factors | SharedBases) => index == 0 && bases > 0,
         Some(Basis) => index < bases,

@@ -4,7 +4,7 @@ use crate::asset::asset::{Asset, LobeRole};
 use crate::asset::dictionary::LobeRef;
 use crate::asset::residual::ResidualKind;
 use crate::decode::decode::decode;
-use crate::decode::options::DecodeOptions;
+use crate::decode::options::{DecodeOptions, HeightUse};
 use crate::levels::footprint::footprint;
 use crate::levels::levels::with_levels;
 use crate::pack;
@@ -30,7 +30,7 @@ fn tame_asset(seed: u64, width: usize, height: usize, kind: ResidualKind, role: 
 /// Returns the mean squared error, in the root domain, of a level's texels against the mean of the covered texels at
 /// measured pairs.
 fn error_of(resident: &Resident, asset: &Asset, level: u32, texel_of: impl Fn(usize) -> (u32, u32)) -> f64 {
-    let options = DecodeOptions { parallax: false, ..DecodeOptions::default() };
+    let options = DecodeOptions { heights: HeightUse::None, ..DecodeOptions::default() };
     let layer = &asset.layers[0];
     let [width, height] = resident.size(level).map(|side| side as usize);
     let (mut sum, mut count) = (0.0, 0);

@@ -9,6 +9,7 @@ use crate::resident::expansion::Expansion;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block, level_size,
 };
+use crate::resident::relief_records::relief_records;
 use crate::resident::resident::Resident;
 use crate::threads::{Threads, fill, serial};
 use half::f16;
@@ -44,7 +45,7 @@ impl Resident {
             let block = words.len();
             words[ASSET_LAYERS + number] = block as u32;
             push_layer(&mut words, layer);
-            push_texels(&mut words, block, &Texels::of_layer(asset, layer));
+            push_texels(&mut words, block, layer, &Texels::of_layer(asset, layer));
         }
         for (level, texels) in asset.levels.iter().enumerate() {
             for (number, of_layer) in texels.layers.iter().enumerate() {
@@ -55,6 +56,7 @@ impl Resident {
                 push_texels(
                     &mut words,
                     block,
+                    &asset.layers[number],
                     &Texels {
                         size: [texels.width, texels.height],
                         has_residual: asset.layers[number].residual.is_some(),
@@ -189,8 +191,8 @@ impl<'a> Texels<'a> {
     }
 }
 
-/// Appends the texels of a level. `base` is the level's layer block, which has all else.
-fn push_texels(words: &mut Vec<u32>, base: usize, texels: &Texels) {
+/// Appends the texels of a level of `layer`. `base` is the level's layer block, which has all else.
+fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, texels: &Texels) {
     let set = |words: &mut Vec<u32>, field: usize, value: u32| words[base + field] = value;
     set(words, block::WIDTH, texels.size[0] as u32);
     set(words, block::ROWS, texels.size[1] as u32);
@@ -240,6 +242,16 @@ fn push_texels(words: &mut Vec<u32>, base: usize, texels: &Texels) {
         }
     }
     begin_part(words);
+
+    set(words, block::RELIEF, 0);
+    if let (Some(relief), Some(heights)) = (&layer.relief, texels.heights) {
+        let here = words.len() as u32;
+        words.extend(relief_records(layer, texels.size, heights, texels.clusters, &texels.codes));
+        begin_part(words);
+        let fields = [block::RELIEF_LIKENESS, block::RELIEF_SHADING, block::RELIEF_GLOSS];
+        fields.into_iter().zip(relief.numbers()).for_each(|(field, number)| set(words, field, number.to_bits()));
+        set(words, block::RELIEF, here);
+    }
 }
 
 /// Returns the words with room for each layer's bases behind them.

@@ -1,14 +1,17 @@
 //! Checks the words of a resident asset that came from a file: afterwards no decoder reads outside of them, and every
 //! number that it reads is finite and in its range. One pass over the words, without building anything.
 
-use crate::asset::asset::level_sizes;
+use crate::asset::asset::{LobeRole, level_sizes};
 use crate::asset::disk::cells_a_side;
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::limits::EPSILON_RANGE;
 use crate::asset::limits::MAX_HEIGHT_STEP;
 use crate::asset::limits::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
 use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
+use crate::asset::relief::Relief;
+use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::Sphere;
+use crate::decode::relief::RELIEF_WORDS;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };
@@ -141,7 +144,6 @@ impl<'a> Block<'a> {
             || bases > MAX_COMPONENTS + 1
             || clusters == 0
             || clusters > MAX_CLUSTERS
-            || self.words[self.at + 28..self.at + LAYER_BLOCK_WORDS].iter().any(|word| *word != 0)
         {
             rules.push(rule::BLOCK_PARAMETER);
             return;
@@ -158,6 +160,7 @@ impl<'a> Block<'a> {
             keep(rules, self.texels(texels, &lobes));
         }
         keep(rules, self.heights(texels));
+        keep(rules, self.relief(texels));
     }
 
     /// Checks bases and codes; `rows` is the number of the clusters' pairs and channels.
@@ -276,6 +279,21 @@ impl<'a> Block<'a> {
         let reach = 128.0 * MAX_HEIGHT_STEP;
         let fine = step > 0.0 && step <= MAX_HEIGHT_STEP && least >= -reach && most <= reach && least <= most;
         if fine { Ok(()) } else { Err(rule::HEIGHT_RANGE) }
+    }
+
+    fn relief(&self, texels: usize) -> Checked {
+        let fields = [block::RELIEF_LIKENESS, block::RELIEF_SHADING, block::RELIEF_GLOSS];
+        let numbers = fields.map(|field| self.float(field));
+        if self.field(block::RELIEF) == 0 {
+            return if fields.iter().all(|field| self.field(*field) == 0) { Ok(()) } else { Err(rule::RELIEF_RANGE) };
+        }
+        self.part(block::RELIEF, RELIEF_WORDS * texels)?;
+        let fits = self.field(block::HEIGHTS) > 0
+            && self.field(block::BASES) > 0
+            && self.field(block::RESIDUAL_KIND) == ResidualKind::Root as usize
+            && self.field(block::LOBE_ROLE) == LobeRole::Base as usize
+            && Relief::from_numbers(numbers).is_some();
+        if fits { Ok(()) } else { Err(rule::RELIEF_RANGE) }
     }
 }
 

@@ -71,6 +71,14 @@ pub mod block {
     pub const REF_COUNT: usize = 26;
     /// Number of edits.
     pub const EDIT_COUNT: usize = 27;
+    /// Offset of the records of relief, 0 without relief.
+    pub const RELIEF: usize = 28;
+    /// Rate at which unlike neighbours lose weight, see [`crate::Relief`] (f32).
+    pub const RELIEF_LIKENESS: usize = 29;
+    /// Share of the relief's shading (f32).
+    pub const RELIEF_SHADING: usize = 30;
+    /// Share of the relief's gloss (f32).
+    pub const RELIEF_GLOSS: usize = 31;
 }
 
 /// Cosine below which the light fades to 0 at the horizon (84 degrees), or the least cosine of the set's directions if

@@ -26,6 +26,10 @@ const BLOCK_MAX_HEIGHT: u32 = 21u;
 const BLOCK_WIDTH: u32 = 22u;
 const BLOCK_ROWS: u32 = 23u;
 const BLOCK_EDITS: u32 = 24u;
+const BLOCK_RELIEF: u32 = 28u;
+const BLOCK_RELIEF_LIKENESS: u32 = 29u;
+const BLOCK_RELIEF_SHADING: u32 = 30u;
+const BLOCK_RELIEF_GLOSS: u32 = 31u;
 const EDIT_WORDS: u32 = 8u;
 
 // Returns columns and rows of the level whose layer's block begins at word `layer`.

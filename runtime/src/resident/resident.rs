@@ -3,6 +3,7 @@
 //! ([`crate::ResidentFile`]).
 
 use crate::asset::asset::SurfaceSide;
+use crate::asset::relief::Relief;
 use crate::asset::sphere::direction;
 use crate::resident::layout::{ASSET_LAYERS, LAYER_BLOCK_WORDS, block, level_size};
 use std::ops::Range;
@@ -77,6 +78,17 @@ impl Resident {
         }
         ranges.push(if words[5] == 0 { words.len() } else { words[5] as usize }..words.len());
         ranges
+    }
+
+    /// Replaces the shares of relief of a layer; [`Resident::layer_for_sides`] gives its index. A layer that was made
+    /// without relief stays so.
+    pub fn set_relief(&mut self, layer: u32, relief: Relief) {
+        let at = self.words()[ASSET_LAYERS + layer as usize] as usize;
+        let fields = [block::RELIEF_LIKENESS, block::RELIEF_SHADING, block::RELIEF_GLOSS];
+        if self.field(layer, block::RELIEF) > 0 {
+            let words = self.own_words();
+            fields.iter().zip(relief.numbers()).for_each(|(field, number)| words[at + field] = number.to_bits());
+        }
     }
 
     /// Returns the words, which a storage buffer holds as they are.

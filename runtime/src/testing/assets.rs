@@ -6,6 +6,7 @@ use crate::asset::edit::Edits;
 use crate::asset::heights::Heights;
 use crate::asset::lobe::{Lobe, LobeFamily};
 use crate::asset::lobe_weights::LobeWeights;
+use crate::asset::relief::Relief;
 use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
 use crate::testing::random::{Random, direction_from_cos, ring_directions};
@@ -73,6 +74,7 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         lights,
         views,
         heights: None,
+        relief: None,
         texel_clusters,
         texel_lobe_counts,
         dictionary,
@@ -106,6 +108,17 @@ pub fn sample_predicted_asset(seed: u64, width: usize, height: usize, kind: Resi
     weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
     layer.lobe_weights = Some(weights);
     layer.predict_lobes();
+    asset
+}
+
+/// Returns an asset like [`sample_predicted_asset`] with heights and relief.
+pub fn sample_relief_asset(seed: u64, width: usize, height: usize) -> Asset {
+    let mut asset = sample_predicted_asset(seed, width, height, ResidualKind::Root);
+    let layer = &mut asset.layers[0];
+    // Waves: rays through noise would meet it at another place with every rounding.
+    let wave = |texel: usize| (((texel % width) as f32 * 0.9).sin() + ((texel / width) as f32 * 1.1).cos()) * 6.0;
+    layer.heights = Some(Heights { step: 0.125, codes: (0..width * height).map(|texel| wave(texel) as i8).collect() });
+    layer.relief = Some(Relief { likeness: 100.0, shading: 0.5, gloss: 0.4 });
     asset
 }
 

@@ -2,7 +2,7 @@
 
 use btf_runtime::twin_constants::*;
 use btf_runtime::{
-    ASSET_LAYERS, COLOUR_FRAME, DIRECTION_WORDS, EDGE_WORDS, EDIT_WORDS, EXPANSION_WORKGROUP, Interpolation,
+    ASSET_LAYERS, COLOUR_FRAME, DIRECTION_WORDS, EDGE_WORDS, EDIT_WORDS, EXPANSION_WORKGROUP, HeightUse, Interpolation,
     LOBE_RESIDENT_WORDS, LeafMode, LobeRole, MAX_LOG, MIN_ALPHA, RATIO_EPSILON, RATIO_RANGE, ROOT, ResidualKind,
     SPHERE_HEADER_WORDS, TRIANGLE_WORDS, block, voltex,
 };
@@ -70,6 +70,12 @@ fn decoder() -> [Constants; 2] {
         ("BLOCK_WIDTH", block::WIDTH),
         ("BLOCK_ROWS", block::ROWS),
         ("BLOCK_EDITS", block::EDITS),
+        ("BLOCK_RELIEF", block::RELIEF),
+        ("BLOCK_RELIEF_LIKENESS", block::RELIEF_LIKENESS),
+        ("BLOCK_RELIEF_SHADING", block::RELIEF_SHADING),
+        ("BLOCK_RELIEF_GLOSS", block::RELIEF_GLOSS),
+        ("RELIEF_WORDS", RELIEF_WORDS),
+        ("HEIGHTS_RELIEF", HeightUse::Relief as usize),
         ("EDIT_WORDS", EDIT_WORDS),
     ]);
     let floats = of_floats(&[
@@ -88,6 +94,15 @@ fn decoder() -> [Constants; 2] {
         ("HIDDEN_SHARE", HIDDEN_SHARE),
         ("OUTSIDE_SHARE", OUTSIDE_SHARE),
         ("SHIFT_SLOPE", SHIFT_SLOPE),
+        ("SLOPE_STEP", SLOPE_STEP),
+        ("HORIZON_STEP", HORIZON_STEP),
+        ("MAX_ALBEDO", MAX_ALBEDO),
+        ("EVEN_LIGHT", EVEN_LIGHT),
+        ("SHADOW_EDGE", SHADOW_EDGE),
+        ("GLOSS_ALPHA", GLOSS_ALPHA),
+        ("GLOSS_NORMAL", GLOSS_NORMAL),
+        ("MIN_COS_EYE", MIN_COS_EYE),
+        ("NORMAL_SHARE", NORMAL_SHARE),
         ("COSINE_SHARE", COSINE_SHARE),
         ("MIN_ALPHA", MIN_ALPHA),
         ("MIN_AXIS", MIN_AXIS),

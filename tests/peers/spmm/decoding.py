@@ -169,7 +169,7 @@ def lobe_value(lobe, wi, wo):
     return ci * math.exp(p0 * (dot((p1, p2, p3), wo) - 1))
 
 
-# Step 9, the table
+# Step 10, the table
 
 
 def edited_lobe(lobe, angle, diffuse, specular, roughness, tilt):

@@ -1,6 +1,6 @@
 //! The options of every command that renders: backend, decoder, light, threads.
 
-use btf_runtime::{DecodeOptions, Interpolation};
+use btf_runtime::{DecodeOptions, HeightUse, Interpolation};
 use btf_viewer::{BackendChoice, GpuTracer, RenderMode, ShadeOptions, SkyLight};
 use clap::ValueEnum;
 
@@ -25,6 +25,9 @@ pub(super) struct RenderArguments {
     /// Leave the parallax of eyes beyond the measured views, also where an asset has heights
     #[arg(long)]
     pub(super) no_parallax: bool,
+    /// Do not correct the interpolation between measured directions by an asset's heights
+    #[arg(long)]
+    pub(super) no_relief: bool,
     /// Which light is followed: straight from lamps and surroundings, or on any way
     #[arg(long, value_enum, default_value_t = RenderMode::Direct)]
     pub(super) mode: RenderMode,
@@ -59,7 +62,11 @@ impl RenderArguments {
                 InterpolationName::Fast => Interpolation::Fast,
                 InterpolationName::Exact => Interpolation::Exact,
             },
-            parallax: !self.no_parallax,
+            heights: match (self.no_parallax, self.no_relief) {
+                (true, _) => HeightUse::None,
+                (_, true) => HeightUse::Parallax,
+                _ => HeightUse::Relief,
+            },
         };
         ShadeOptions {
             decode,

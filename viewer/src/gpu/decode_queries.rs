@@ -39,7 +39,7 @@ pub(crate) struct GpuQueryParams {
     pub components: u32,
     pub lobes: u32,
     pub interpolation: u32,
-    pub parallax: u32,
+    pub heights: u32,
 }
 
 /// Decodes `queries` inside the module of `tracer`; result as [`btf_runtime::decode`] has it, in the same order.
@@ -64,7 +64,7 @@ pub fn gpu_decode(
         components: options.components,
         lobes: options.lobes,
         interpolation: options.interpolation as u32,
-        parallax: options.parallax.into(),
+        heights: options.heights as u32,
     };
     let layout = ModuleLayout { assets: arena.pieces.layout, volumes: false, ..ModuleLayout::WHOLE };
     let values: Vec<[f32; 4]> = gpu_queries(gpu, "decode", trace_module(tracer, layout), &arena, &params, &listed)?;

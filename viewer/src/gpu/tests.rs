@@ -106,7 +106,7 @@ fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
     let all = [
         (
             "Frame",
-            fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, parallax, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, pad0, pad1),
+            fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, heights, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, pad0, pad1),
         ),
         ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
         ("Triangle", fields!(Triangle; vertices, material)),
@@ -123,7 +123,7 @@ fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
             fields!(Instance; object_from_world, world_from_object, factors, root, first_triangle, handedness, leaf_width),
         ),
         ("Query", fields!(GpuQuery; wi, texel, wo, layer)),
-        ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation, parallax)),
+        ("QueryParams", fields!(GpuQueryParams; count, components, lobes, interpolation, heights)),
     ];
     for (name, (size, fields)) in &all {
         assert_eq!(layout_difference(&module, name, *size, fields), None);

@@ -91,8 +91,8 @@ pub struct RenderReport {
     pub target_ms: Option<f64>,
     /// The spending of a frame of that budget, as far as it was learned.
     pub spends: Option<Spending>,
-    /// Whether parallax between views is removed where assets have heights.
-    pub parallax: bool,
+    /// Use of the heights: `none`, `parallax` or `relief`.
+    pub heights: &'static str,
 }
 
 /// A finished rendering.
@@ -332,7 +332,7 @@ fn rendered(
         interpolation: params.shade.decode.interpolation.name(),
         target_ms: params.target_ms,
         spends: governor.map(|governor| governor.spends()),
-        parallax: params.shade.decode.parallax,
+        heights: params.shade.decode.heights.name(),
     };
     Rendered { picture: Picture { width, height, radiance }, hits, report }
 }

@@ -13,7 +13,7 @@ struct QueryParams {
     components: u32,
     lobes: u32,
     interpolation: u32,
-    parallax: u32,
+    heights: u32,
 }
 
 @group(0) @binding(8) var<uniform> query_params: QueryParams;
@@ -26,7 +26,7 @@ fn decode_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
     let index = id.y * groups.x * 64u + id.x;
     if index < query_params.count {
         let q = queries[index];
-        let options = BtfOptions(query_params.components, query_params.lobes, query_params.interpolation, query_params.parallax);
+        let options = BtfOptions(query_params.components, query_params.lobes, query_params.interpolation, query_params.heights);
         decoded[index] = vec4<f32>(btf_decode(0u, q.layer, q.texel, q.wi, q.wo, options), 0.0);
     }
 }

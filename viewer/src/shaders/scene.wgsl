@@ -20,7 +20,7 @@ struct Frame {
     jitter: vec2<f32>,
     components: u32,
     lobes: u32,
-    parallax: u32,
+    heights: u32,
     // The band of rows that is drawn.
     first_row: u32,
     rows: u32,

@@ -53,7 +53,7 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
 
 // Returns how assets are decoded in this frame.
 fn decode_options() -> BtfOptions {
-    return BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.parallax);
+    return BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.heights);
 }
 
 // Returns pi * f * |cos| for light at `wi`, which is on the side that this body is viewed for.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::sample_asset::{sample_asset, sample_asset_with};
 use btf_runtime::testing::sample_heights;
-use btf_runtime::{ResidualKind, TexelPlace, decode, decode_measured, lobe_tables, pack};
+use btf_runtime::{HeightUse, ResidualKind, TexelPlace, decode, decode_measured, lobe_tables, pack};
 
 const KINDS: [ResidualKind; 3] = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
 
@@ -79,7 +79,7 @@ fn other_directions_agree_with_the_runtime_under_both_rules_and_at_the_horizon()
                         };
                         let other = DecodeOptions { interpolation: other, ..options };
                         let planted = decode(&resident, 0, texel as u32, *wi, *wo, &other);
-                        let flat = DecodeOptions { parallax: false, ..options };
+                        let flat = DecodeOptions { heights: HeightUse::None, ..options };
                         let flat = decode(&resident, 0, texel as u32, *wi, *wo, &flat);
                         for c in 0..3 {
                             let got = fast[texel * 3 + c];

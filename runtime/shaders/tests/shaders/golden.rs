@@ -3,10 +3,10 @@
 
 use crate::support::gpu::{Gpu, Program, open};
 use crate::support::tools::{self, Tool};
-use btf_runtime::testing::{Random, sample_asset, sample_heights};
+use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_relief_asset};
 use btf_runtime::{
-    Asset, DecodeOptions, Edit, Edits, Interpolation, LobeRole, Resident, ResidualKind, SurfaceSide, density, evaluate,
-    pack, sample, serial, with_levels,
+    Asset, DecodeOptions, Edit, Edits, HeightUse, Interpolation, LobeRole, Resident, ResidualKind, SurfaceSide,
+    density, evaluate, pack, sample, serial, with_levels,
 };
 use btf_shaders::{Answer, ENTRY_POINTS, Language, MODULE_NAME, Query, Range, ShaderFile, module_text, translate};
 
@@ -33,7 +33,7 @@ struct Questions {
 }
 
 /// Returns assets with two layers (light from the front and from behind), levels, heights, edits, lobes in either role,
-/// and every residual kind.
+/// and every residual kind; and an asset with relief.
 fn residents() -> Vec<Resident> {
     let kinds = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
     let one = |(seed, kind): (u64, ResidualKind)| {
@@ -49,7 +49,9 @@ fn residents() -> Vec<Resident> {
         let asset = Asset::parse(&pack(&asset).unwrap()).unwrap();
         Resident::from_asset(&with_levels(&asset, &serial))
     };
-    (0..).zip(kinds).map(one).collect()
+    let mut all: Vec<Resident> = (0..).zip(kinds).map(one).collect();
+    all.push(Resident::from_asset(&with_levels(&sample_relief_asset(4, 12, 8), &serial)));
+    all
 }
 
 /// Returns a direction to any side, sometimes with a NaN or too long.
@@ -86,7 +88,7 @@ fn questions() -> Questions {
             components: few[random.below(4)],
             lobes: few[random.below(4)],
             interpolation,
-            parallax: random.below(4) > 0,
+            heights: HeightUse::ALL[random.below(5).min(2)],
         };
         let mut uv = [random.within(-3.0, 3.0), random.within(-3.0, 3.0)];
         if random.below(40) == 0 {
@@ -115,7 +117,7 @@ fn options_of(query: &Query) -> DecodeOptions {
         components: query.options.components,
         lobes: query.options.lobes,
         interpolation: if exact { Interpolation::Exact } else { Interpolation::Fast },
-        parallax: query.options.parallax != 0,
+        heights: HeightUse::from_number(query.options.heights).expect("queries are of known uses"),
     }
 }
 

@@ -85,7 +85,7 @@ fn leaves_shine_alike_in_shaders_and_in_rust() {
                 components: random.within(0.0, 2.0).to_bits(),
                 lobes: random.within(0.0, 2.0).to_bits(),
                 interpolation: random.within(0.5, 1.5).to_bits(),
-                parallax: random.within(0.5, 1.5).to_bits(),
+                heights: random.within(0.5, 1.5).to_bits(),
             },
             pad: [0; 2],
         })
@@ -156,7 +156,7 @@ fn shaders_give_the_papers_tables() {
         let texel = LeafTexel { gloss: [0.0; 2], ..LeafTexel::default() };
         let leaf = Leaf::new(&state, &LeafTexture::uniform(texel)).unwrap();
         let one = 1f32.to_bits();
-        let options = Options { components: one, lobes: one, interpolation: one, parallax: one };
+        let options = Options { components: one, lobes: one, interpolation: one, heights: one };
         queries.extend([1.0, -1.0].map(|side| Query {
             wi: [0.0, 0.0, side],
             level: 0,
@@ -211,8 +211,8 @@ fn shaders_give_the_papers_tables() {
 
 /// Returns both answers where the shader's differs from Rust's.
 fn difference(words: &[u32], query: &Query, answer: &Answer) -> Option<String> {
-    let Options { components, lobes, interpolation, parallax } = query.options;
-    let factors = [components, lobes, interpolation, parallax].map(f32::from_bits);
+    let Options { components, lobes, interpolation, heights } = query.options;
+    let factors = [components, lobes, interpolation, heights].map(f32::from_bits);
     let viewed = ViewedLeaf::new(&words[query.asset as usize..], query.uv, query.level, factors, query.wo);
     let length = query.wi.iter().map(|x| x * x).sum::<f32>().sqrt();
     let wi = query.wi.map(|x| x / length);

@@ -14,7 +14,7 @@ use crate::window::editing::document::Document;
 use crate::window::renderer::Renderer;
 use crate::window::settings::Settings;
 use crate::window::split::Split;
-use btf_runtime::Interpolation;
+use btf_runtime::{HeightUse, Interpolation};
 use std::path::PathBuf;
 
 /// Slider position of the lobes above which all are used; fitted assets have fewer.
@@ -185,7 +185,12 @@ impl Panel {
             ui.radio_value(&mut self.shade.decode.interpolation, Interpolation::Fast, "fast");
             ui.radio_value(&mut self.shade.decode.interpolation, Interpolation::Exact, "exact");
             ui.label("interpolation");
-            ui.checkbox(&mut self.shade.decode.parallax, "parallax");
+        });
+        ui.horizontal(|ui| {
+            for heights in HeightUse::ALL {
+                ui.radio_value(&mut self.shade.decode.heights, heights, heights.name());
+            }
+            ui.label("heights").on_hover_text("what the decoder makes of an asset's heights");
         });
         if self.has_heights {
             let mut scale = scene.materials.iter().map(|material| material.displacement).fold(0.0, f32::max);
