@@ -2,9 +2,9 @@
 
 use super::second_reader::{Lines, add_extreme_lobes, edits, parsed, read_by_the_document, resident_bytes, wide};
 use super::{document_bytes, named};
-use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_predicted_asset};
+use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_predicted_asset, sample_relief_asset};
 use btf_runtime::{
-    Asset, DecodeOptions, Interpolation, Layer, LobeRole, Resident, ResidualKind, SurfaceSide, decode, pack,
+    Asset, DecodeOptions, Interpolation, Layer, LobeRole, Relief, Resident, ResidualKind, SurfaceSide, decode, pack,
     read_directory, serial, with_levels,
 };
 
@@ -223,5 +223,45 @@ fn the_documents_decoded_values_are_what_the_second_reader_decodes() {
         assert_eq!(first_other_value(&read, &expected, 1e-4), None, "tier {tier}");
         expected.last_mut().expect("a value")[2] += 3e-4;
         assert_eq!(first_other_value(&read, &expected, 1e-4), Some(expected.len() - 1), "planted in tier {tier}");
+    }
+}
+
+/// Relief follows rays through the heights, which may meet them at another step with another rounding: a few values may
+/// differ.
+#[test]
+fn relief_decodes_to_the_values_of_a_decoder_written_from_the_document() {
+    let asset = with_levels(&sample_relief_asset(9, 12, 10), &serial);
+    let queries = random_queries(&asset, 300, &mut Random::new(9));
+    let lines: String = queries.iter().map(|query| query.line() + "\n").collect();
+    let count_others = |read: &Lines, asset: &Asset, share: f64| {
+        let resident = Resident::from_asset(asset);
+        let far = |(i, query): &(usize, &Query)| {
+            let (own, value) = (parsed(&read[&format!("value {i}")]), query.value(&resident));
+            (0..3).any(|c| (own[c] - f64::from(value[c])).abs() > share * own[c].abs().max(1.0))
+        };
+        queries.iter().enumerate().filter(far).count()
+    };
+    // The file form has no bases that are rounded to halves.
+    for (name, bytes, share) in [("file", pack(&asset).unwrap(), 2e-3), ("resident", resident_bytes(&asset), 1e-5)] {
+        let read = read_by_the_document(&format!("relief-{name}"), &bytes, &[], &lines);
+        let others = count_others(&read, &asset, share);
+        assert!(others <= 3, "{name}: {others}");
+        // Planted differences: no relief, and each of its numbers.
+        let planted = |change: &dyn Fn(&mut Relief)| {
+            let mut other = asset.clone();
+            other.layers[0].relief.iter_mut().for_each(change);
+            count_others(&read, &other, share)
+        };
+        let mut without = asset.clone();
+        without.layers[0].relief = None;
+        let counts = [
+            count_others(&read, &without, share),
+            planted(&|relief| relief.likeness *= 2.0),
+            planted(&|relief| relief.shading = 0.6),
+            planted(&|relief| relief.gloss = 0.3),
+        ];
+        // The wider tolerance of the file form sees relief as a whole.
+        let seen = if name == "file" { 1 } else { counts.len() };
+        assert!(counts[..seen].iter().all(|count| *count > 3 * others.max(3)), "{name}: {counts:?}");
     }
 }

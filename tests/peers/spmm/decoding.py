@@ -34,6 +34,11 @@ def within_ranges(params, family):
     return all(low - 0.001 * abs(low) <= p <= high + 0.001 * abs(high) for p, (low, high) in pairs)
 
 
+def within_relief_ranges(likeness, shading, gloss):
+    """Those of the section "Relief"."""
+    return 0 <= likeness <= 10000 and 0 <= shading <= 1 and 0 <= gloss <= 1
+
+
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -83,6 +88,16 @@ class Edit:
 
 
 @dataclass
+class Relief:
+    likeness: float
+    shading: float
+    gloss: float
+    # What gives a texel's record: slopes p and q; codes of red, green and blue over 255; the eight horizons.
+    # None without a residual.
+    record: Optional[Callable] = None
+
+
+@dataclass
 class Layer:
     """A layer at one level."""
 
@@ -108,6 +123,7 @@ class Layer:
     # The codes of each component, and what gives (texel, view, light) its residual; None without one.
     codes: list = field(default_factory=list)
     residual: Optional[Callable] = None
+    relief: Optional[Relief] = None
 
 
 # model.md, section 3
@@ -283,18 +299,24 @@ def slope(d):
     return tuple(x * 10 / length for x in s) if length > 10 else s
 
 
-def height_at(layer, place):
+def around(layer, place):
+    """`[(texel, weight), ...]`: the four texels around a place, bilinear; the outermost ones are continued."""
+
     def cells(x, count):
         x = clamp(x, 0, count - 1)
         low = min(math.floor(x), max(0, count - 2))
-        return low, min(low + 1, count - 1), x - low
+        return (low, 1 - (x - low)), (min(low + 1, count - 1), x - low)
 
-    left, right, u = cells(place[0], layer.width)
-    top, bottom, v = cells(place[1], layer.height)
-    codes, width = layer.height_codes, layer.width
-    upper = (1 - u) * codes[top * width + left] + u * codes[top * width + right]
-    lower = (1 - u) * codes[bottom * width + left] + u * codes[bottom * width + right]
-    return layer.height_step * ((1 - v) * upper + v * lower)
+    columns, rows = cells(place[0], layer.width), cells(place[1], layer.height)
+    return [(row * layer.width + column, u * v) for row, v in rows for column, u in columns]
+
+
+def height_at(layer, place):
+    return layer.height_step * sum(weight * layer.height_codes[texel] for texel, weight in around(layer, place))
+
+
+def place_of(layer, texel):
+    return texel % layer.width, texel // layer.width
 
 
 def moved(place, length, s):
@@ -320,7 +342,7 @@ def shown(layer, texel, wo, views, beyond):
     part = clamp(5 * (1 - beyond), 0, 1)
     if layer.height_codes is None or part == 0:
         return [(view, weight, texel) for view, weight in views]
-    x = texel % layer.width, texel // layer.width
+    x = place_of(layer, texel)
     s_eye = slope(wo)
     z = hit(layer, x, s_eye)
     result = []
@@ -342,7 +364,184 @@ def shown(layer, texel, wo, views, beyond):
     return [(view, weight / total, texel) for view, weight, texel in result]
 
 
+# Step 9, records
+
+DIAGONAL = math.sqrt(0.5)
+# In columns and rows: right, then against the clock by 45 degrees each.
+AZIMUTHS = [
+    (1, 0),
+    (DIAGONAL, -DIAGONAL),
+    (0, -1),
+    (-DIAGONAL, -DIAGONAL),
+    (-1, 0),
+    (-DIAGONAL, DIAGONAL),
+    (0, 1),
+    (DIAGONAL, DIAGONAL),
+]
+# How far from a texel its horizon is looked for, in texel widths.
+DISTANCES = [1 + 0.75 * i for i in range(11)] + [10 + 1.5 * i for i in range(21)]
+
+
+def relief_record(layer, stored, texel):
+    """A texel's record as `Relief` has it; `stored` gives (texel, view, light) the residual of the stored bases."""
+    x = place_of(layer, texel)
+    p = (height_at(layer, moved(x, 1, (1, 0))) - height_at(layer, moved(x, 1, (-1, 0)))) / 2
+    q = (height_at(layer, moved(x, 1, (0, -1))) - height_at(layer, moved(x, 1, (0, 1)))) / 2
+    slopes = [clamp(nearest(8192 * slope), -32768, 32767) / 8192 for slope in (p, q)]
+    horizons = [min(255, nearest(64 * horizon(layer, x, azimuth))) / 64 for azimuth in AZIMUTHS]
+    return [*slopes, *(code / 255 for code in albedo_codes(layer, stored, texel)), *horizons]
+
+
+def nearest(x):
+    """The nearest whole number, halves upwards."""
+    return math.floor(x + 0.5)
+
+
+def horizon(layer, x, azimuth):
+    own, most = height_at(layer, x), 0.0
+    for distance in DISTANCES:
+        place = moved(x, distance, azimuth)
+        if not all(0 <= at <= count - 1 for at, count in zip(place, (layer.width, layer.height))):
+            break
+        most = max(most, (height_at(layer, place) - own) / distance)
+    return most
+
+
+def albedo_codes(layer, stored, texel):
+    """Those of the roots of an albedo in red, green and blue."""
+    lights, views = layer.lights.directions, layer.views.directions
+    upright = max(range(len(views)), key=lambda view: views[view][2])
+    residuals = [stored(texel, upright, light) for light in range(len(lights))]
+    white = max(0.002, inverse(layer, sum(curve(layer, light[2]) for light in lights) / len(lights)))
+    codes = []
+    for c in range(3):
+        y = curve(layer, 0) + sum(residual[c] for residual in residuals) / len(lights)
+        albedo = clamp(inverse(layer, y) / white, 0.002, 2.4) / 1.2
+        codes.append(nearest(255 * math.sqrt(albedo / 2)))
+    return codes
+
+
+# Step 9
+
+
+@dataclass
+class Point:
+    """A point of the relief, seen or lit."""
+
+    normal: tuple
+    # Those of red, green and blue over 255.
+    codes: list
+    horizons: list
+
+    def albedo(self):
+        return [2 * code**2 for code in self.codes]
+
+
+def point_at(layer, place):
+    records = [(weight, layer.relief.record(texel)) for texel, weight in around(layer, place)]
+    p, q, *others = (sum(weight * record[i] for weight, record in records) for i in range(13))
+    length = math.sqrt(p * p + q * q + 1)
+    return Point((-p / length, -q / length, 1 / length), others[:3], others[3:])
+
+
+def point_seen(layer, texel, d):
+    """The point that an eye at `d` sees in a texel."""
+    x, s = place_of(layer, texel), slope(d)
+    return point_at(layer, moved(x, hit(layer, x, s), s))
+
+
+def horizon_towards(point, l):
+    x, y = abs(l[0]), abs(l[1])
+    azimuth = min(x, y) / max(x, y, 1e-6)
+    if y > x:
+        azimuth = 2 - azimuth
+    if l[0] < 0:
+        azimuth = 4 - azimuth
+    if l[1] < 0:
+        azimuth = 8 - azimuth
+    low = math.floor(azimuth)
+    part = azimuth - low
+    return (1 - part) * point.horizons[low % 8] + part * point.horizons[(low + 1) % 8]
+
+
+def body_and_gloss(layer, point, l, d):
+    """B, three numbers, and G of a point under light `l` for an eye at `d`."""
+    n = point.normal
+    nl = max(0, dot(n, l))
+    above_horizon = l[2] / max(1e-4, math.hypot(l[0], l[1])) - horizon_towards(point, l)
+    lit = nl * clamp(above_horizon / 0.4 + 0.5, 0, 1)
+    body = [albedo * (lit + 0.2 * l[2]) for albedo in point.albedo()]
+    if layer.relief.gloss == 0:
+        return body, 0.0
+    between = [a + b for a, b in zip(l, d)]
+    h = [a / math.sqrt(dot(between, between)) for a in between]
+    nd, nh, a2 = max(0.02, dot(n, d)), max(0, dot(n, h)), 0.09
+    fresnel = 0.04 + 0.96 * (1 - dot(d, h)) ** 5
+    distribution = a2 / (nh * nh * (a2 - 1) + 1) ** 2
+    visibility = 0.5 / (1e-6 + nl * math.sqrt(nd * nd * (1 - a2) + a2) + nd * math.sqrt(nl * nl * (1 - a2) + a2))
+    return body, fresnel * distribution * visibility * lit
+
+
+def shaded(layer, point, l, d, flat):
+    """`(E, added)`, three numbers each; `flat` is the F of the text."""
+    body, gloss = body_and_gloss(layer, point, l, d)
+    all_shaded, added = [], []
+    for b, f in zip(body, flat):
+        g_body, g_all = curve(layer, b), curve(layer, b + gloss)
+        all_shaded.append(g_all)
+        added.append(layer.relief.shading * (g_body - curve(layer, f * l[2])) + layer.relief.gloss * (g_all - g_body))
+    return all_shaded, added
+
+
+def distance2(a, b):
+    return sum((x - y) ** 2 for x, y in zip(a, b))
+
+
+def shares(weights):
+    return [weight / sum(weights) for weight in weights]
+
+
+def weighted_sum(weights, vectors):
+    return [sum(weight * x for weight, x in zip(weights, xs)) for xs in zip(*vectors)]
+
+
+def with_relief(layer, texel, views, lights, wo, hull_wi, hull_wo):
+    """`(views, lights, added)`: the neighbours with the weights that relief gives them, and what it adds to the
+    residual. `hull_wi` and `hull_wo` are light and eye, beyond the measured ones those of the hull."""
+    likeness = layer.relief.likeness
+    seen = point_seen(layer, texel, wo)
+    directions = [layer.views.directions[view] for view, _, _ in views]
+    points = [point_seen(layer, place, d) for d, (_, _, place) in zip(directions, views)]
+    own_points = [point_at(layer, place_of(layer, place)) for _, _, place in views]
+    flats = [[1.2 * albedo for albedo in point.albedo()] for point in own_points]
+
+    def unlike(point):
+        return distance2(point.codes, seen.codes) / 3 + 0.1 * distance2(point.normal, seen.normal)
+
+    of_views = shares([weight / (1 + likeness * unlike(point)) for (_, weight, _), point in zip(views, points)])
+    here, added = shaded(layer, seen, hull_wi, hull_wo, weighted_sum(of_views, flats))
+    of_lights, added_there = [], []
+    for light, weight in lights:
+        l = layer.lights.directions[light]
+        there = [shaded(layer, point, l, d, flat) for point, d, flat in zip(points, directions, flats)]
+        of_lights.append(weight / (1 + likeness * distance2(weighted_sum(of_views, [e for e, _ in there]), here) / 3))
+        added_there.append(weighted_sum(of_views, [own for _, own in there]))
+    of_lights = shares(of_lights)
+    views = [(view, weight, place) for (view, _, place), weight in zip(views, of_views)]
+    lights = [(light, weight) for (light, _), weight in zip(lights, of_lights)]
+    return views, lights, [a - b for a, b in zip(added, weighted_sum(of_lights, added_there))]
+
+
 # All steps
+
+
+def at_hull(sphere, own, d, beyond):
+    """The direction, or beyond the measured ones that of the hull's nearest point; `own` are its neighbours."""
+    if beyond == 1:
+        return d
+    ends = [(sphere.directions[i], weight) for i, weight in own]
+    x, y = (sum(weight * end[axis] for end, weight in ends) for axis in range(2))
+    return x, y, math.sqrt(max(1e-6, 1 - x * x - y * y))
 
 
 def decode(levels, layer, level, texel, wi, wo, rule):
@@ -358,13 +557,15 @@ def decode(levels, layer, level, texel, wi, wo, rule):
     fade = min(1, wi[2] / layer.horizon)
     # 4. Neighbours, 8. Parallax
     lights, beyond = neighbours(layer.lights, wi)
-    nearest = layer.residual and layer.lobe_role == BASE and rule == "fast" and beyond < 1
-    toward = wi
-    if nearest:
-        ends = [(layer.lights.directions[i], weight) for i, weight in lights]
-        x, y = (sum(weight * end[axis] for end, weight in ends) for axis in range(2))
-        toward = x, y, math.sqrt(max(1e-6, 1 - x * x - y * y))
-    views = shown(layer, texel, wo, *neighbours(layer.views, wo))
+    falls = layer.residual and layer.lobe_role == BASE and rule == "fast"
+    toward = at_hull(layer.lights, lights, wi, beyond) if falls else wi
+    own_views, beyond_views = neighbours(layer.views, wo)
+    views = shown(layer, texel, wo, own_views, beyond_views)
+    # 9. Relief
+    added = [0.0] * 3
+    if layer.relief and layer.residual and rule == "fast":
+        hull_wo = at_hull(layer.views, own_views, wo, beyond_views)
+        views, lights, added = with_relief(layer, texel, views, lights, wo, toward, hull_wo)
     pairs = [(view, light, v * l, place) for view, v, place in views for light, l in lights]
 
     def lobes(dictionaries):
@@ -377,8 +578,9 @@ def decode(levels, layer, level, texel, wi, wo, rule):
         value = [max(0, x) for x in s]
     elif rule == "fast":
         # 6. Rule "fast"
-        residuals = [(weight, layer.residual(place, view, light)) for view, light, weight, place in pairs]
-        value = [combine(layer, s[c], sum(weight * r[c] for weight, r in residuals), beyond) for c in range(3)]
+        residuals = [layer.residual(place, view, light) for view, light, _, place in pairs]
+        r = weighted_sum([weight for _, _, weight, _ in pairs], residuals)
+        value = [combine(layer, s[c], r[c] + added[c], beyond) for c in range(3)]
     else:
         # 7. Rule "exact"
         x_sum, s_sum = [0.0] * 3, [0.0] * 3
@@ -389,7 +591,7 @@ def decode(levels, layer, level, texel, wi, wo, rule):
                 x_sum[c] += weight * combine(layer, here[c], r[c], 1)
                 s_sum[c] += weight * here[c]
         value = [x * clamp((own + 0.03) / (q + 0.03), 0.3, 4) for x, own, q in zip(x_sum, s, s_sum)]
-    # 9. Edits
+    # 10. Edits
     if layer.texel_edits[texel] > 0:
         edit = layer.edits[layer.texel_edits[texel] - 1]
         changed = lobes(edit.dictionaries)
@@ -398,4 +600,4 @@ def decode(levels, layer, level, texel, wi, wo, rule):
             for tint, x, s0, s1 in zip(edit.tint, value, s, changed)
         ]
     # Beyond the measured lights the value at their hull falls.
-    return [x * fade * (beyond if nearest else 1) for x in value]
+    return [x * fade * (beyond if falls else 1) for x in value]

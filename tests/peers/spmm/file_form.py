@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 from spmm.container import BASIS, COEFFICIENTS, DICTIONARY, DIRECTIONS, EDITS, FACTORS, HEIGHT, LAYER, LEVEL
-from spmm.container import LOBE_REFS, LOBE_WEIGHTS, SHARED_BASES, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS, sides_of_levels
-from spmm.decoding import WINDOWED_COSINE, Edit, Layer, Lobe, carried, clamp, curve, edited_lobe, keep, lobe_value, raised
-from spmm.decoding import within_ranges
+from spmm.container import LOBE_REFS, LOBE_WEIGHTS, RELIEF, SHARED_BASES, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS
+from spmm.container import sides_of_levels
+from spmm.decoding import BASE, ROOT, WINDOWED_COSINE, Edit, Layer, Lobe, Relief, carried, clamp, curve, edited_lobe
+from spmm.decoding import keep, lobe_value, raised, relief_record, within_ranges, within_relief_ranges
 from spmm.directions import direction_set, single
 from spmm.entropy_coder import byte_plane, cluster_ids, lobe_counts, lobe_references, must, plane
 
@@ -57,6 +59,18 @@ def read_layer(header, number, edits, texel_edits, show):
         must(height_step > 0, "a height step is 0")
         height_codes = part.stream(texels, lambda stream: byte_plane(stream, header.width, header.height))
 
+    relief = None
+    if header.has(RELIEF, number):
+        part = section(RELIEF)
+        numbers = part.numbers("f", 3)
+        part.end()
+        must(within_relief_ranges(*numbers), "a number of a relief is out of its range")
+        must(header.has(HEIGHT, number), "a layer with relief has no heights")
+        must((kind, role) == (ROOT, BASE), "a layer with relief has another kind of residual or role of lobes")
+        must(header.has(LOBE_WEIGHTS, number), "a layer with relief has no lobe weights")
+        must(has_residual == 1, "a layer with relief has no residual")
+        relief = Relief(*numbers)
+
     ids = section(TEXEL_CLUSTERS).stream(texels, lambda stream: cluster_ids(stream, header.width, header.height))
     must(max(ids) < clusters, "a cluster is not there")
     dictionaries, angles = read_dictionary(section(DICTIONARY), clusters)
@@ -100,6 +114,7 @@ def read_layer(header, number, edits, texel_edits, show):
         texel_edits=texel_edits,
         height_codes=height_codes,
         height_step=height_step,
+        relief=relief,
     )
     for name, sphere in ("light", lights), ("view", views):
         show(f"layer {number}: {name} directions", flat(sphere.directions))
@@ -115,8 +130,7 @@ def read_layer(header, number, edits, texel_edits, show):
     bases = Bases(header, number, layer, components, show)
     if weights:
         weights.take_from(bases, layer)
-    layer.codes, layer.residual = bases.codes, bases.residual(ids, bases.codes)
-    return layer, bases
+    return bases.given_to(layer, bases.codes), bases
 
 
 def read_dictionary(part, clusters):
@@ -182,7 +196,7 @@ def read_level(part, finest, bases, size):
     # An edit is that of the finest texel in the middle.
     columns = [((2 * x + 1) * finest.width) // (2 * width) for x in range(width)]
     rows = [((2 * y + 1) * finest.height) // (2 * height) for y in range(height)]
-    return replace(
+    layer = replace(
         finest,
         width=width,
         height=height,
@@ -191,9 +205,8 @@ def read_level(part, finest, bases, size):
         texel_edits=[finest.texel_edits[row * finest.width + column] for row in rows for column in columns],
         height_codes=heights,
         height_step=step,
-        codes=codes,
-        residual=bases and bases.residual(ids, codes),
     )
+    return bases.given_to(layer, codes) if bases else layer
 
 
 class Weights:
@@ -353,18 +366,26 @@ class Bases:
             at += rv * rl
         return rgb
 
-    def residual(self, clusters, codes):
-        """The function of texel, view and light, with the components that `codes` has."""
+    def given_to(self, layer, codes):
+        """The layer with the residual and the relief that the components of `codes` give its texels."""
 
-        def at(texel, view, light):
-            pair, k = view * self.lights + light, clusters[texel]
+        def stored(texel, view, light):
+            pair, k = view * self.lights + light, layer.clusters[texel]
             coefficients = [1.0] + [step * plane[texel] for step, plane in zip(self.steps[1:], codes)]
             values = [self.at_pairs[j][k][pair] for j in range(len(coefficients))]
+            return [sum(y * value[c] for y, value in zip(coefficients, values)) for c in range(3)]
+
+        def residual(texel, view, light):
+            pair, k = view * self.lights + light, layer.clusters[texel]
             inputs = [1, *(plane[texel] for plane in codes)]
             taken = [sum(a * x for a, x in zip(self.taken.get((k, pair, c), []), inputs)) for c in range(3)]
-            return [sum(y * value[c] for y, value in zip(coefficients, values)) - taken[c] for c in range(3)]
+            return [value - own for value, own in zip(stored(texel, view, light), taken)]
 
-        return at
+        relief = None
+        # A coarser level may lack heights.
+        if layer.relief and layer.height_codes is not None:
+            relief = replace(layer.relief, record=cache(lambda texel: relief_record(layer, stored, texel)))
+        return replace(layer, codes=codes, residual=residual, relief=relief)
 
 
 def must_have_lobes(references, ids, dictionaries):

@@ -5,7 +5,8 @@ import sys
 from array import array
 
 from spmm.container import WORDS, sides_of_levels
-from spmm.decoding import WINDOWED_COSINE, Edit, Layer, Lobe, Sphere, dot, within_ranges
+from spmm.decoding import BASE, ROOT, WINDOWED_COSINE, Edit, Layer, Lobe, Relief, Sphere, dot, within_ranges
+from spmm.decoding import within_relief_ranges
 from spmm.directions import cells_a_side, must_be_counts, must_be_directions, single
 from spmm.entropy_coder import must
 
@@ -121,6 +122,13 @@ def read_layer(words, at, size):
         count = clusters * pairs * 3 * stride
         must(finite_halves(words.values("H", words.part(block[11], count), count)), "a basis is not finite")
         residual = residual_of(words.data, block[11], stride, len(lights.directions), pairs, ids, codes)
+    relief = None
+    if block[28] != 0:
+        must(block[18] != 0 and bases > 0, "a layer with relief has no heights or no bases")
+        must((block[2], block[17]) == (ROOT, BASE), "a layer with relief has another kind of residual or role of lobes")
+        relief = words.floats(at + 29, 3)
+        must(within_relief_ranges(*relief), "a number of a relief is out of its range")
+        relief = Relief(*relief, relief_records(words.data, words.part(block[28], 4 * texels)))
     return Layer(
         light_side=block[0],
         view_side=block[1],
@@ -141,6 +149,7 @@ def read_layer(words, at, size):
         height_step=heights[0],
         codes=codes,
         residual=residual,
+        relief=relief,
     )
 
 
@@ -152,6 +161,16 @@ def residual_of(data, bases, stride, lights, pairs, clusters, codes):
         coefficients = [1] + [plane[texel] for plane in codes]
         channels = (struct.unpack_from(f"<{len(coefficients)}e", data, place + 4 * stride * c) for c in range(3))
         return [sum(y * b for y, b in zip(coefficients, channel)) for channel in channels]
+
+    return at
+
+
+def relief_records(data, records):
+    """The function of a texel."""
+
+    def at(texel):
+        p, q, *codes = struct.unpack_from("<2h3Bx8B", data, 4 * records + 16 * texel)
+        return [p / 8192, q / 8192, *(code / 255 for code in codes[:3]), *(code / 64 for code in codes[3:])]
 
     return at
 
