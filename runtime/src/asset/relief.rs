@@ -4,6 +4,20 @@
 /// Largest value of [`Relief::likeness`].
 pub const MAX_LIKENESS: f32 = 1e4;
 
+/// Number of words of a texel's record: slopes as two 16-bit numbers, the root of the albedo as three bytes, then eight
+/// horizons as bytes.
+pub const RELIEF_WORDS: usize = 4;
+/// Slope of one step of a record.
+pub const SLOPE_STEP: f32 = 1.0 / 8192.0;
+/// Tangent of the horizon's elevation of one step of a record.
+pub const HORIZON_STEP: f32 = 1.0 / 64.0;
+/// Greatest albedo of a record.
+pub const MAX_ALBEDO: f32 = 2.0;
+/// Number of azimuths at which records have horizons: every 45 degrees counter-clockwise from +x.
+pub const AZIMUTHS: usize = 8;
+/// Even light besides the lamp, as a share of the lamp on an upright plane.
+pub const EVEN_LIGHT: f32 = 0.2;
+
 /// Shares of the corrections that the heights of a layer give between the measured directions. With all shares 0
 /// nothing is corrected. At the measured directions nothing changes in any case.
 ///

@@ -7,25 +7,14 @@
 //! from the horizon of the heights [Max 1988], a little even light, and a GGX gloss [Walter 2007].
 
 use crate::asset::relief::Relief;
+pub use crate::asset::relief::{AZIMUTHS, EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
 use crate::asset::residual::ResidualKind;
 use crate::decode::parallax::HeightField;
 use crate::decode::texel::Texel;
 use crate::resident::layout::block;
+use crate::resident::relief_records::horizons;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Number of words of a texel's record: slopes as two 16-bit numbers, the root of the albedo as three bytes, then eight
-/// horizons as bytes.
-pub const RELIEF_WORDS: usize = 4;
-/// Slope of one step of a record.
-pub const SLOPE_STEP: f32 = 1.0 / 8192.0;
-/// Tangent of the horizon's elevation of one step of a record.
-pub const HORIZON_STEP: f32 = 1.0 / 64.0;
-/// Greatest albedo of a record.
-pub const MAX_ALBEDO: f32 = 2.0;
-/// Number of azimuths at which records have horizons: every 45 degrees counter-clockwise from +x.
-pub const AZIMUTHS: usize = 8;
-/// Even light besides the lamp, as a share of the lamp on an upright plane.
-pub const EVEN_LIGHT: f32 = 0.2;
 /// Half of the width of a shadow's edge, as a tangent of elevation.
 pub const SHADOW_EDGE: f32 = 0.2;
 /// Roughness alpha of the gloss.
@@ -118,6 +107,16 @@ type Shaded<'a> = (usize, &'a ReliefLight, [f32; 3], [f32; 3]);
 const NUMBERS: usize = 9;
 /// Largest number of points that are shaded together: three views under three lights, and the eye's.
 const MOST_SHADED: usize = 10;
+
+impl HeightField<'_> {
+    /// Returns the tangents of the horizon's elevation at `place`, every 45 degrees counter-clockwise from +x, at least
+    /// 0. [`lit_share`] tells of a light what of it they leave.
+    ///
+    /// Cost: up to 35 heights for each azimuth.
+    pub fn horizons(&self, place: [f32; 2]) -> [f32; AZIMUTHS] {
+        horizons(|place| self.at(place), self.size(), self.range()[1], place)
+    }
+}
 
 impl ReliefPoint {
     /// Reads the point at `place`, columns and rows, of the layer of `t`; edges continue outside.

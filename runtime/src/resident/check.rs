@@ -8,10 +8,9 @@ use crate::asset::limits::EPSILON_RANGE;
 use crate::asset::limits::MAX_HEIGHT_STEP;
 use crate::asset::limits::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
 use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
-use crate::asset::relief::Relief;
+use crate::asset::relief::{RELIEF_WORDS, Relief};
 use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::Sphere;
-use crate::decode::relief::RELIEF_WORDS;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };
