@@ -2,8 +2,9 @@
 //! ...`.
 //!
 //! Places, lights and eyes are random, so that no evaluation profits from the cache lines of the one before. Each file
-//! is timed as it is, without relief and without heights where it has any, and with 8 lobes in every texel, all of them part of the value. The floor is a loop that only
-//! reads one number of each cache line that an evaluation needs, at places found before. All times are of one run.
+//! is timed as it is, without relief and without heights where it has any, and with 8 lobes in every texel, all of them
+//! part of the value. The floor is a loop that only reads one number of each cache line that an evaluation needs, at
+//! places found before. All times are of one run.
 
 use btf_runtime::{
     ASSET_LAYERS, Asset, DecodeOptions, HeightUse, LOBE_RESIDENT_WORDS, LobeRef, LobeRole, Query, Resident, block,

@@ -39,6 +39,7 @@ mod wgsl;
 pub use asset::asset::{Asset, Layer, Level, LevelTexels, LobeRole, SurfaceSide};
 pub use asset::dictionary::{DictionaryLobe, LobeRef, mark_used_lobes};
 pub use asset::edit::{EDIT_WORDS, Edit, Edits, MAX_EDIT_WORDS, MAX_EDITS};
+pub use asset::height_field::HeightField;
 pub use asset::heights::Heights;
 pub use asset::limits::{
     MAX_BASIS_STEP, MAX_CLUSTERS, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, MAX_HEIGHT_STEP, MAX_LAYERS, MAX_LEVELS,
@@ -62,7 +63,7 @@ pub use decode::decode::{decode, decode_single};
 pub use decode::evaluate::{Query, Sample, density, evaluate, evaluate_many, sample};
 pub use decode::measured::{TexelPlace, decode_from_file_form, decode_measured};
 pub use decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
-pub use decode::parallax::{HeightField, SeenBy};
+pub use decode::parallax::SeenBy;
 pub use decode::relief::lit_share;
 pub use decode::sample::MIN_ALPHA;
 pub use decode::viewed_texel::{LightRows, ViewedTexel};

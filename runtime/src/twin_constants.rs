@@ -2,15 +2,13 @@
 
 pub use crate::asset::disk::ITEM_EDGE;
 pub use crate::asset::lobe::{MIN_COS_VIEW, MIN_HALF};
+pub use crate::asset::relief::{EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
 pub use crate::asset::sphere::INSIDE_TOLERANCE;
 pub use crate::decode::evaluate::UNIT_RANGE;
 pub use crate::decode::parallax::{
     HIDDEN_SHARE, MAX_RAY_STEPS, MAX_SLOPE, MIN_RAY_STEPS, OUTSIDE_SHARE, RAY_STEP, SHIFT_SLOPE,
 };
-pub use crate::decode::relief::{
-    EVEN_LIGHT, GLOSS_ALPHA, GLOSS_NORMAL, HORIZON_STEP, MAX_ALBEDO, MIN_COS_EYE, NORMAL_SHARE, RELIEF_WORDS,
-    SHADOW_EDGE, SLOPE_STEP,
-};
+pub use crate::decode::relief::{GLOSS_ALPHA, GLOSS_NORMAL, MIN_COS_EYE, NORMAL_SHARE, SHADOW_EDGE};
 pub use crate::decode::sample::{COSINE_SHARE, MIN_AXIS};
 pub use crate::decode::viewed_texel::LIGHT_ROWS;
 pub use crate::leaf::lobe::{LEAF_MIN_HALF, MAX_EXPONENT, MIN_FACET};

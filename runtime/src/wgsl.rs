@@ -11,6 +11,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("lobe.wgsl", include_str!("asset/lobe.wgsl")),
     ("residual.wgsl", include_str!("asset/residual.wgsl")),
     ("layout.wgsl", include_str!("resident/layout.wgsl")),
+    ("height_field.wgsl", include_str!("asset/height_field.wgsl")),
     ("parallax.wgsl", include_str!("decode/parallax.wgsl")),
     ("texel.wgsl", include_str!("decode/texel.wgsl")),
     ("relief.wgsl", include_str!("decode/relief.wgsl")),

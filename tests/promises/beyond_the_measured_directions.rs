@@ -94,6 +94,9 @@ fn heights_found_in_a_capture_carry_eyes_beyond_its_views() {
     assert_eq!(
         psnr_db(&between, HeightUse::Parallax),
         psnr_db(&between, HeightUse::None),
-        "between the views nothing changes"
+        "parallax changes nothing between the views"
     );
+    let relief = asset.layers[0].relief.expect("cloth has relief");
+    let (with, without) = (psnr_db(&between, HeightUse::Relief), psnr_db(&between, HeightUse::Parallax));
+    assert!(with > without + 0.3, "between the views {with:.2} dB with {relief:?}, {without:.2} dB without");
 }

@@ -52,11 +52,7 @@ impl Decoding {
                 Interpolation::Fast => btf_runtime::Interpolation::Fast,
                 Interpolation::Exact => btf_runtime::Interpolation::Exact,
             },
-            heights: match (self.no_parallax, self.no_relief) {
-                (true, _) => btf_runtime::HeightUse::None,
-                (_, true) => btf_runtime::HeightUse::Parallax,
-                _ => btf_runtime::HeightUse::Relief,
-            },
+            heights: btf_runtime::HeightUse::unless(self.no_parallax, self.no_relief),
         }
     }
 }

@@ -8,8 +8,8 @@ use crate::input::layer_frame::layer_directions;
 use crate::measure::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb, texel_tiles};
 use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
-    Asset, DecodeOptions, HORIZON_COS, HeightField, HeightUse, Heights, Interpolation, Layer, LobeRole, LobeSetup,
-    Neighbours, RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, SurfaceSide, ViewedTexel, block,
+    Asset, DecodeOptions, HORIZON_COS, HeightField, HeightUse, Interpolation, Layer, LobeRole, LobeSetup, Neighbours,
+    RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, SurfaceSide, ViewedTexel, block,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
@@ -56,8 +56,6 @@ pub struct ImageDecoder<'a> {
     /// Number of the layer.
     number: usize,
     options: DecodeOptions,
-    /// Columns and rows.
-    size: [usize; 2],
     resident: &'a Resident,
     words: &'a [u32],
     /// First word of the expanded bases, `[cluster, pair, channel, word]`.
@@ -70,7 +68,7 @@ pub struct ImageDecoder<'a> {
     used_words: usize,
     interpolation: Interpolation,
     /// Heights of the layer, also as words, where parallax is to be removed.
-    heights: Option<(&'a Heights, Vec<u32>)>,
+    heights: Option<HeightField<'a>>,
     /// Eye beyond the measured views that was asked for last, and what it saw in each texel: its lights follow one
     /// another.
     last_seen: Mutex<([f32; 3], Arc<Vec<SeenBy>>)>,
@@ -125,7 +123,6 @@ impl<'a> ImageDecoder<'a> {
             layer: source,
             number: layer,
             options: *options,
-            size: [asset.width, asset.height],
             resident,
             words,
             basis_at: words[base + block::BASIS] as usize,
@@ -137,7 +134,7 @@ impl<'a> ImageDecoder<'a> {
                 .heights
                 .as_ref()
                 .filter(|_| options.heights != HeightUse::None)
-                .map(|heights| (heights, heights.to_words())),
+                .map(|heights| heights.field([asset.width, asset.height])),
             last_seen: Mutex::new(([0.0; 3], Arc::default())),
             setups,
             first_lobe,
@@ -172,9 +169,8 @@ impl<'a> ImageDecoder<'a> {
         if self.has_relief() {
             return PairPlan { image: Some(self.relief_image(wi, wo)), ..PairPlan::NOTHING };
         }
-        if let Some((heights, words)) = self.heights.as_ref().filter(|_| out.beyond < 1.0) {
-            let field = HeightField::new(words, self.size, heights);
-            let image = self.shifted_image([wi, wo], [&into, &out], fade, &self.seen_by(&field, wo, &out));
+        if let Some(field) = self.heights.as_ref().filter(|_| out.beyond < 1.0) {
+            let image = self.shifted_image([wi, wo], [&into, &out], fade, &self.seen_by(field, wo, &out));
             return PairPlan { image: Some(image), ..PairPlan::NOTHING };
         }
         let exact = self.interpolation == Interpolation::Exact && self.used_words > 0;

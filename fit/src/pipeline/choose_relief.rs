@@ -2,8 +2,9 @@
 //! views and lights from the others with each share, and the shares that come nearest to what was measured stay.
 
 use crate::error::FitError;
+use crate::inspect::load::resident_in_parallel;
 use crate::monitor::Monitor;
-use btf_runtime::{Asset, DecodeOptions, Factors, Layer, Relief, Resident, ResidualKind, Sphere, ViewedTexel, decode};
+use btf_runtime::{Asset, DecodeOptions, Factors, Layer, Relief, ResidualKind, Sphere, ViewedTexel, decode};
 use half::f16;
 use rayon::prelude::*;
 
@@ -26,7 +27,7 @@ const MIN_GAIN: f64 = 0.005;
 /// Chooses the relief of each layer of `asset` that has any; a layer in which no share predicts left-out directions
 /// better than none is left without.
 ///
-/// Cost: two decodings of 144 pairs at 1024 texels, and ten with relief; the resident form, twice.
+/// Cost: twelve decodings of 144 pairs at 1024 texels, most of them with relief; the resident form, twice.
 pub fn choose_relief(asset: &mut Asset, monitor: &Monitor) -> Result<(), FitError> {
     for number in 0..asset.layers.len() {
         if asset.layers[number].relief.is_some() {
@@ -55,12 +56,12 @@ fn chosen(asset: &Asset, number: usize, monitor: &Monitor) -> Result<Option<Reli
     monitor.check()?;
     let options = DecodeOptions::default();
     let truth: Vec<Vec<[f32; 3]>> = {
-        let resident = Resident::from_asset(&alone);
+        let resident = resident_in_parallel(&alone);
         let value = |texel: u32, [wi, wo]: [[f32; 3]; 2]| encoded(layer, decode(&resident, 0, texel, wi, wo, &options));
         texels.par_iter().map(|texel| pairs.iter().map(|pair| value(*texel, *pair)).collect()).collect()
     };
     monitor.check()?;
-    let mut resident = Resident::from_asset(&rest);
+    let mut resident = resident_in_parallel(&rest);
     let mut error = |relief: Relief| -> f64 {
         resident.set_relief(0, relief);
         let of_texel = |(texel, truth): (&u32, &Vec<[f32; 3]>)| -> f64 {
@@ -124,4 +125,62 @@ fn without_directions(layer: &Layer, out: &[Vec<u32>; 2]) -> Result<Layer, FitEr
     };
     (layer.views, layer.lights) = (set(&layer.views, &views)?, set(&layer.lights, &lights)?);
     Ok(layer)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample_asset::sample_asset_with;
+    use btf_capture::DirectionSet;
+    use btf_runtime::testing::{sample_heights, sample_relief_asset};
+
+    /// Returns a measured value of the first layer.
+    fn value(asset: &Asset, view: u32, light: u32) -> [f32; 3] {
+        let layer = &asset.layers[0];
+        let [wi, wo] = [layer.lights.direction(light), layer.views.direction(view)];
+        decode(&resident_in_parallel(asset), 0, 17, wi, wo, &DecodeOptions::default())
+    }
+
+    #[test]
+    fn directions_that_are_left_out_leave_the_others_values_as_they_are() {
+        let whole = sample_relief_asset(3, 8, 8);
+        let layer = &whole.layers[0];
+        let out = [vec![2u32, 5], vec![0u32, 4]];
+        let mut rest = whole.clone();
+        rest.layers[0] = without_directions(layer, &out).unwrap();
+        let kept = |count: usize, out: &[u32]| (0..count as u32).filter(|id| !out.contains(id)).collect::<Vec<_>>();
+        let [views, lights] = [kept(layer.views.len(), &out[0]), kept(layer.lights.len(), &out[1])];
+        assert_eq!([rest.layers[0].views.len(), rest.layers[0].lights.len()], [views.len(), lights.len()]);
+        let near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|c| (a[c] - b[c]).abs() < 1e-3 * (1.0 + b[c]));
+        let mut unlike = 0;
+        for (number, view) in views.iter().enumerate() {
+            for (index, light) in lights.iter().enumerate() {
+                let found = value(&rest, number as u32, index as u32);
+                assert!(near(found, value(&whole, *view, *light)), "view {view}, light {light}");
+                // Planted difference: the ids of before.
+                unlike += usize::from(!near(found, value(&whole, number as u32, index as u32)));
+            }
+        }
+        assert!(unlike > views.len() * lights.len() / 2, "{unlike}");
+    }
+
+    #[test]
+    fn relief_stays_only_where_it_predicts_left_out_directions() {
+        let set = DirectionSet::bonn81();
+        let mut asset = sample_asset_with(8, 8, &set, &set, ResidualKind::Root);
+        let layer = &mut asset.layers[0];
+        layer.heights = Some(sample_heights(3, 64));
+        layer.relief = Some(FIRST_RELIEF);
+        // Lobes alone, which need no correction between directions; shadows would be wrong.
+        layer.residual.as_mut().unwrap().bases.iter_mut().for_each(|basis| basis.values.fill(0));
+        let chosen = |mut asset: Asset| {
+            choose_relief(&mut asset, &Monitor::default()).unwrap();
+            asset.layers[0].relief
+        };
+        assert_eq!(chosen(asset.clone()), None);
+        // Too few directions to leave any out: there is no telling, and the first shares stay.
+        let few: Vec<u32> = (5..81).collect();
+        asset.layers[0] = without_directions(&asset.layers[0], &[few.clone(), few]).unwrap();
+        assert_eq!(chosen(asset), Some(FIRST_RELIEF));
+    }
 }

@@ -9,7 +9,7 @@ use crate::input::tile_cache::{Mapping, TileCache};
 use crate::monitor::Monitor;
 use crate::stages::slopes::{integrate_slopes, slopes_from_shading};
 use btf_capture::CaptureInfo;
-use btf_runtime::{HeightField, Heights, SeenBy, Sphere};
+use btf_runtime::{Heights, SeenBy, Sphere};
 use rayon::prelude::*;
 
 /// Least cosine with the normal of the views that are compared (61 degrees), and of the view that they are compared
@@ -49,10 +49,11 @@ const FORETOLD_EVERY: usize = 5;
 const SHADED_COS: f32 = 0.87;
 const MIN_SHADED: usize = 8;
 const MAX_SHADED: usize = 96;
-/// Weights of the found heights against the slopes that the shading tells, which are tried. Of those whose error is the
-/// least, or larger by a small share, the first is taken: slopes matter more for shading than the prediction shows.
-const NEAR_LEAST: f64 = 0.03;
+/// Weights of the found heights against the slopes that the shading tells, which are tried, slopes first.
 const FIDELITIES: [f64; 4] = [0.1, 1.0, 3.0, 10.0];
+/// Share by which the error of a weight may be larger than the least for it to be taken before later ones: slopes matter
+/// more for shading than the prediction shows.
+const NEAR_LEAST: f64 = 0.03;
 /// Offsets of all heights that are tried, texel widths.
 const OFFSETS: [f32; 7] = [0.0, -0.45, -0.3, -0.15, 0.15, 0.3, 0.45];
 /// Share of the error without heights that heights must take away to be worth their bytes.
@@ -152,8 +153,7 @@ fn refined(found: Heights, size: [usize; 2], images: &[Image], lights: &[[f32; 3
     if images.len() >= MIN_SHADED {
         // Heights that jump from texel to texel would shade each other.
         let gentle = quantized(&blurred(&plain, size));
-        let words = gentle.to_words();
-        let slopes = slopes_from_shading(images, lights, &HeightField::new(&words, size, &gentle));
+        let slopes = slopes_from_shading(images, lights, &gentle.field(size));
         shapes.extend(FIDELITIES.map(|fidelity| integrate_slopes(&slopes, &plain, size, fidelity)));
     }
     shapes.push(plain);
@@ -461,12 +461,11 @@ impl Score {
 
     /// Returns the mean squared error of the predicted views.
     fn error(&self, heights: Option<&Heights>, size: [usize; 2]) -> f64 {
-        let words = heights.map(Heights::to_words).unwrap_or_default();
+        let field = heights.map(|heights| heights.field(size));
         let errors: Vec<f64> = self
             .predicted
             .par_iter()
             .map(|view| {
-                let field = heights.map(|heights| HeightField::new(&words, size, heights));
                 let mut sum = 0.0f64;
                 for texel in (0..size[0] * size[1]).step_by(FORETOLD_EVERY) {
                     let seen = match &field {

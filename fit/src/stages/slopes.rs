@@ -184,8 +184,8 @@ mod tests {
                 .collect()
         };
         let images: Vec<Vec<f32>> = lights.iter().enumerate().map(image).collect();
-        let (heights, words) = (flat(), flat().to_words());
-        let found = slopes_from_shading(&images, &lights, &HeightField::new(&words, SIZE, &heights));
+        let heights = flat();
+        let found = slopes_from_shading(&images, &lights, &heights.field(SIZE));
         // What even light would add to upright slopes is taken off, so those of this lamp alone come out a tenth steeper.
         let steeper: Vec<[f32; 2]> = truth.iter().map(|slope| slope.map(|x| 1.1 * x)).collect();
         assert!(difference(&found, &steeper) < 0.05, "{}", difference(&found, &steeper));

@@ -1,5 +1,7 @@
 //! The displacement of a layer: a height per texel.
 
+use crate::asset::height_field::HeightField;
+
 /// The displacement of a layer: a height for each texel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heights {
@@ -16,17 +18,9 @@ impl Heights {
         self.codes.chunks(4).map(word).collect()
     }
 
-    /// Interpolates bilinearly in a map of `size` columns and rows; the edges continue outside. Texel centres are at whole
-    /// numbers.
-    pub fn at(&self, size: [usize; 2], place: [f32; 2]) -> f32 {
-        let [column, row] = [0, 1].map(|i| place[i].clamp(0.0, (size[i] - 1) as f32));
-        let (c, r) = (column as usize, row as usize);
-        let (next_c, next_r) = ((c + 1).min(size[0] - 1), (r + 1).min(size[1] - 1));
-        let height = |c: usize, r: usize| self.step * f32::from(self.codes[r * size[0] + c]);
-        let part = [column - c as f32, row - r as f32];
-        let upper = height(c, r) + (height(next_c, r) - height(c, r)) * part[0];
-        let lower = height(c, next_r) + (height(next_c, next_r) - height(c, next_r)) * part[0];
-        upper + (lower - upper) * part[1]
+    /// Returns the heights as a map of `size` columns and rows.
+    pub fn field(&self, size: [usize; 2]) -> HeightField<'_> {
+        HeightField { codes: &self.codes, size, step: self.step, range: self.range() }
     }
 
     /// Returns the least and the greatest height in texel widths.

@@ -4,6 +4,7 @@ pub(crate) mod asset;
 pub(crate) mod dictionary;
 pub(crate) mod disk;
 pub(crate) mod edit;
+pub(crate) mod height_field;
 pub(crate) mod heights;
 pub(crate) mod limits;
 pub(crate) mod lobe;

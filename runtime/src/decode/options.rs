@@ -39,6 +39,15 @@ impl HeightUse {
     /// All uses, each with those before it.
     pub const ALL: [HeightUse; 3] = [HeightUse::None, HeightUse::Parallax, HeightUse::Relief];
 
+    /// Returns the use that is left where the parallax, with all that stands on it, or the relief alone is not wanted.
+    pub fn unless(no_parallax: bool, no_relief: bool) -> HeightUse {
+        match (no_parallax, no_relief) {
+            (true, _) => HeightUse::None,
+            (false, true) => HeightUse::Parallax,
+            (false, false) => HeightUse::Relief,
+        }
+    }
+
     /// Returns the use with a number; `None` for an unknown one.
     pub fn from_number(number: u32) -> Option<HeightUse> {
         HeightUse::ALL.into_iter().find(|known| *known as u32 == number)

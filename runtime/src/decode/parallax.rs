@@ -6,7 +6,7 @@
 //! shows different points from different views. Between the measured views their mean predicts a texel best all the
 //! same (docs/results/results.md); outside, where slopes grow fast, the neighbours are shifted.
 
-use crate::asset::heights::Heights;
+use crate::asset::height_field::HeightField;
 use crate::resident::layout::{ASSET_LAYERS, block, level_size};
 use crate::resident::resident::Resident;
 
@@ -35,25 +35,7 @@ pub struct SeenBy {
     pub weights: [f32; 3],
 }
 
-/// A displacement map as decoders read it.
-#[derive(Debug, Clone, Copy)]
-pub struct HeightField<'a> {
-    /// Code of each texel, padded to whole words.
-    codes: &'a [i8],
-    /// Columns and rows.
-    size: [usize; 2],
-    /// Texel widths per code.
-    step: f32,
-    /// Least and greatest height in texel widths.
-    range: [f32; 2],
-}
-
 impl<'a> HeightField<'a> {
-    /// Makes a displacement map of `words`, which are [`Heights::to_words`] of a map with `size` columns and rows.
-    pub fn new(words: &'a [u32], size: [usize; 2], heights: &Heights) -> HeightField<'a> {
-        HeightField { codes: bytemuck::cast_slice(words), size, step: heights.step, range: heights.range() }
-    }
-
     /// Returns the displacement map of the layer whose block begins at word `layer` of a resident asset; `None` if the
     /// layer has none.
     pub(crate) fn of_layer(words: &'a [u32], layer: usize) -> Option<HeightField<'a>> {
@@ -73,56 +55,6 @@ impl<'a> HeightField<'a> {
     pub fn of_resident(resident: &'a Resident, layer: u32) -> Option<HeightField<'a>> {
         let words = resident.words();
         HeightField::of_layer(words, words[ASSET_LAYERS + layer as usize] as usize)
-    }
-
-    /// Returns columns and rows.
-    pub fn size(&self) -> [usize; 2] {
-        self.size
-    }
-
-    /// Returns the least and the greatest height in texel widths.
-    pub fn range(&self) -> [f32; 2] {
-        self.range
-    }
-
-    #[inline(always)]
-    fn of_texel(&self, texel: usize) -> f32 {
-        self.step * f32::from(self.codes[texel])
-    }
-
-    /// Interpolates bilinearly between two columns and two rows, `part` of the way from the first to the next.
-    #[inline(always)]
-    fn between(&self, [c, r]: [usize; 2], [next_c, next_r]: [usize; 2], part: [f32; 2]) -> f32 {
-        let [upper, lower] = [r * self.size[0], next_r * self.size[0]];
-        let (upper_left, lower_left) = (self.of_texel(upper + c), self.of_texel(lower + c));
-        let upper = upper_left + (self.of_texel(upper + next_c) - upper_left) * part[0];
-        let lower = lower_left + (self.of_texel(lower + next_c) - lower_left) * part[0];
-        upper + (lower - upper) * part[1]
-    }
-
-    /// Interpolates bilinearly; the edges continue outside. Texel centres are at whole numbers.
-    #[inline(always)]
-    pub fn at(&self, place: [f32; 2]) -> f32 {
-        let [most_c, most_r] = [self.size[0] - 1, self.size[1] - 1];
-        let column = place[0].clamp(0.0, most_c as f32);
-        let row = place[1].clamp(0.0, most_r as f32);
-        // Converted by way of a signed number, which processors do in one step.
-        let (c, r) = (column as i32 as usize, row as i32 as usize);
-        self.between(
-            [c, r],
-            [(c + 1).min(most_c), (r + 1).min(most_r)],
-            [column - c as i32 as f32, row - r as i32 as f32],
-        )
-    }
-
-    /// Interpolates bilinearly; the map repeats. Texel centres are at whole numbers.
-    pub fn at_wrapped(&self, place: [f32; 2]) -> f32 {
-        let floor = place.map(f32::floor);
-        let [c, r] =
-            [0, 1].map(|i| (floor[i] - self.size[i] as f32 * (floor[i] / self.size[i] as f32).floor()) as usize);
-        let (c, r) = (c.min(self.size[0] - 1), r.min(self.size[1] - 1));
-        let (next_c, next_r) = ((c + 1) % self.size[0], (r + 1) % self.size[1]);
-        self.between([c, r], [next_c, next_r], [place[0] - floor[0], place[1] - floor[1]])
     }
 
     /// Returns the height of the first point that a ray meets; the ray has slope `s` and passes the mean plane at
@@ -198,6 +130,7 @@ impl<'a> HeightField<'a> {
 mod tests {
     use super::*;
     use crate::asset::asset::Asset;
+    use crate::asset::heights::Heights;
     use crate::asset::limits::MAX_HEIGHT_STEP;
     use crate::asset::residual::ResidualKind;
     use crate::decode::decode::decode;
@@ -213,8 +146,7 @@ mod tests {
     }
 
     fn seen(heights: &Heights, texel: u32, wo: [f32; 3], views: [[f32; 3]; 3], weights: [f32; 3]) -> SeenBy {
-        let words = heights.to_words();
-        HeightField::new(&words, SIZE, heights).seen_by(texel, wo, 0.0, &views, &weights)
+        heights.field(SIZE).seen_by(texel, wo, 0.0, &views, &weights)
     }
 
     const POLE: [f32; 3] = [0.0, 0.0, 1.0];

@@ -6,13 +6,13 @@
 //! A point is shaded by a plain model, of which only differences count: a diffuse body under a light whose shadow comes
 //! from the horizon of the heights [Max 1988], a little even light, and a GGX gloss [Walter 2007].
 
+use crate::asset::height_field::HeightField;
 use crate::asset::relief::Relief;
-pub use crate::asset::relief::{AZIMUTHS, EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
+use crate::asset::relief::{AZIMUTHS, EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
 use crate::asset::residual::ResidualKind;
-use crate::decode::parallax::HeightField;
 use crate::decode::texel::Texel;
+use crate::numeric::vector::dot;
 use crate::resident::layout::block;
-use crate::resident::relief_records::horizons;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Half of the width of a shadow's edge, as a tangent of elevation.
@@ -78,7 +78,7 @@ fn albedo(code: f32) -> f32 {
 }
 
 /// Returns the share of a light at `wi`, a unit vector with z > 0, that horizons leave: from 0 in shadow to 1, with a soft
-/// edge. [`HeightField::horizons`] gives the horizons.
+/// edge. [`crate::HeightField::horizons`] gives the horizons.
 pub fn lit_share(horizons: &[f32; AZIMUTHS], wi: [f32; 3]) -> f32 {
     ReliefLight::new(wi).share(horizons)
 }
@@ -106,17 +106,7 @@ type Shaded<'a> = (usize, &'a ReliefLight, [f32; 3], [f32; 3]);
 /// Numbers that a point takes in vectors: its body, its whole shading and the upright plane's, RGB.
 const NUMBERS: usize = 9;
 /// Largest number of points that are shaded together: three views under three lights, and the eye's.
-const MOST_SHADED: usize = 10;
-
-impl HeightField<'_> {
-    /// Returns the tangents of the horizon's elevation at `place`, every 45 degrees counter-clockwise from +x, at least
-    /// 0. [`lit_share`] tells of a light what of it they leave.
-    ///
-    /// Cost: up to 35 heights for each azimuth.
-    pub fn horizons(&self, place: [f32; 2]) -> [f32; AZIMUTHS] {
-        horizons(|place| self.at(place), self.size(), self.range()[1], place)
-    }
-}
+const MAX_SHADED: usize = 10;
 
 impl ReliefPoint {
     /// Reads the point at `place`, columns and rows, of the layer of `t`; edges continue outside.
@@ -141,14 +131,12 @@ impl ReliefPoint {
             }
         }
         let slopes = [0, 2].map(|i| SLOPE_STEP * (sums[i] + 256.0 * sums[i + 1] - 32768.0));
-        let mut point = ReliefPoint {
-            normal: [0.0; 3],
+        let scale = 1.0 / (1.0 + slopes[0] * slopes[0] + slopes[1] * slopes[1]).sqrt();
+        ReliefPoint {
+            normal: [-slopes[0] * scale, -slopes[1] * scale, scale],
             code: [4, 5, 6].map(|i| sums[i] * (1.0 / 255.0)),
             horizons: std::array::from_fn(|k| HORIZON_STEP * sums[8 + k]),
-        };
-        let scale = 1.0 / (1.0 + slopes[0] * slopes[0] + slopes[1] * slopes[1]).sqrt();
-        point.normal = [-slopes[0] * scale, -slopes[1] * scale, scale];
-        point
+        }
     }
 
     /// Returns how unlike two points are: the mean squared difference of the roots of their albedos, and a share of that
@@ -164,15 +152,14 @@ impl ReliefPoint {
 
     /// Returns the factor on the albedo under `light`, and the gloss towards the eye at `wo` where `with_gloss`.
     fn shade(&self, light: &ReliefLight, wo: [f32; 3], with_gloss: bool) -> [f32; 2] {
-        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let lit = light.share(&self.horizons) * dot(self.normal, light.wi).max(0.0);
+        let cos_light = dot(self.normal, light.wi).max(0.0);
+        let lit = light.share(&self.horizons) * cos_light;
         let body = lit + EVEN_LIGHT * light.wi[2];
         if !with_gloss {
             return [body, 0.0];
         }
         let sum = [0, 1, 2].map(|i| light.wi[i] + wo[i]);
         let half = sum.map(|x| x / dot(sum, sum).max(1e-12).sqrt());
-        let cos_light = dot(self.normal, light.wi).max(0.0);
         let cos_eye = dot(self.normal, wo).max(MIN_COS_EYE);
         let cos_half = dot(self.normal, half).max(0.0);
         let alpha2 = GLOSS_ALPHA * GLOSS_ALPHA;
@@ -213,19 +200,18 @@ impl ReliefLight {
 }
 
 impl SeenRelief {
-    /// Finds the surface points that the eye at `wo` sees in texel `t`, and that the measured `views` show in the texels
-    /// `shown`. `eye` is the eye's nearest direction within the hull of the measured views. Returns `None` where the
-    /// layer has no heights.
+    /// Finds the surface points of `field` that the eye at `wo` sees in texel `t`, and that the measured `views` show in
+    /// the texels `shown`. `eye` is the eye's nearest direction within the hull of the measured views.
     ///
     /// Cost: four rays of at most 64 steps.
     pub(crate) fn new(
         t: &Texel,
+        field: &HeightField,
         [wo, eye]: [[f32; 3]; 2],
         views: &[[f32; 3]; 3],
         shown: [usize; 3],
         weights: &[f32; 3],
-    ) -> Option<SeenRelief> {
-        let field = HeightField::of_layer(t.words, t.layer)?;
+    ) -> SeenRelief {
         let width = t.field(block::WIDTH);
         let place = |texel: usize| [(texel % width) as f32, (texel / width) as f32];
         let own = ReliefPoint::read(t, field.seen_place(place(t.texel), wo));
@@ -235,9 +221,8 @@ impl SeenRelief {
             let codes = t.words[t.field(block::RELIEF) + RELIEF_WORDS * shown[v] + 1];
             flat[v] = [0, 8, 16].map(|shift| (1.0 + EVEN_LIGHT) * albedo((codes >> shift & 0xff) as f32 / 255.0));
         }
-        let [likeness, shading, gloss] =
-            [block::RELIEF_LIKENESS, block::RELIEF_SHADING, block::RELIEF_GLOSS].map(|field| t.float(field));
-        Some(SeenRelief { relief: Relief { likeness, shading, gloss }, eye, own, of_views, flat })
+        let [likeness, shading, gloss] = block::RELIEF_NUMBERS.map(|field| t.float(field));
+        SeenRelief { relief: Relief { likeness, shading, gloss }, eye, own, of_views, flat }
     }
 
     /// Returns the weights of the neighbouring views, less where a view shows a point unlike the eye's; they sum up to 1.
@@ -259,10 +244,10 @@ impl SeenRelief {
         weighed.map(|weight| weight / sum)
     }
 
-    /// Returns the terms of `points`, [`MOST_SHADED`] at most.
-    fn terms(&self, points: &[Shaded], epsilon: f32) -> [ReliefTerms; MOST_SHADED] {
+    /// Returns the terms of `points`, [`MAX_SHADED`] at most.
+    fn terms(&self, points: &[Shaded], epsilon: f32) -> [ReliefTerms; MAX_SHADED] {
         let Relief { shading, gloss, .. } = self.relief;
-        let mut values = [0.0; (NUMBERS * MOST_SHADED).next_multiple_of(16)];
+        let mut values = [0.0; (NUMBERS * MAX_SHADED).next_multiple_of(16)];
         for ((view, light, wo, flat), values) in points.iter().zip(values.chunks_exact_mut(NUMBERS)) {
             let point = if *view < 3 { &self.of_views[*view] } else { &self.own };
             let [body, shine] = point.shade(light, *wo, gloss > 0.0);
@@ -275,7 +260,7 @@ impl SeenRelief {
         }
         let used = (NUMBERS * points.len()).next_multiple_of(16);
         Arch::new().dispatch(Encode { values: &mut values[..used], epsilon });
-        let mut terms = [ReliefTerms::default(); MOST_SHADED];
+        let mut terms = [ReliefTerms::default(); MAX_SHADED];
         for (terms, values) in terms[..points.len()].iter_mut().zip(values.chunks_exact(NUMBERS)) {
             for c in 0..3 {
                 let [body, whole, upright] = [values[c], values[3 + c], values[6 + c]];
@@ -300,7 +285,7 @@ impl SeenRelief {
         let lights = wis.map(|wi| wi.map(ReliefLight::new));
         let own = toward.map(ReliefLight::new);
         let shown = || (0..3).filter(|v| weights[*v] > 0.0);
-        let mut points: [Shaded; MOST_SHADED] = [(3, &NO_LIGHT, [0.0; 3], [0.0; 3]); MOST_SHADED];
+        let mut points: [Shaded; MAX_SHADED] = [(3, &NO_LIGHT, [0.0; 3], [0.0; 3]); MAX_SHADED];
         let mut count = 0;
         let mut add = |point| {
             points[count] = point;
@@ -342,8 +327,8 @@ mod tests {
 
     #[test]
     fn a_wall_shadows_the_plain_before_it_and_no_other_place() {
-        let (heights, words) = (wall(), wall().to_words());
-        let field = HeightField::new(&words, [30, 30], &heights);
+        let heights = wall();
+        let field = heights.field([30, 30]);
         let before = field.horizons([16.0, 15.0]);
         // The wall's edge is between columns 19 and 20; steps of the search miss it by less than one.
         assert!((0.4..=0.5).contains(&before[0]), "{before:?}");

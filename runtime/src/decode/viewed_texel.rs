@@ -7,11 +7,12 @@
 
 use crate::asset::asset::LobeRole;
 use crate::asset::edit::EDIT_WORDS;
+use crate::asset::height_field::HeightField;
 use crate::asset::lobe::{LobeSetup, ResidentLobe};
 use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::{Neighbours, direction, locate, within_hull};
 use crate::decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
-use crate::decode::parallax::{HeightField, SeenBy};
+use crate::decode::parallax::SeenBy;
 use crate::decode::relief::{ReliefTerms, SeenRelief};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
 use crate::decode::texel::Texel;
@@ -153,21 +154,22 @@ impl<'a> ViewedTexel<'a> {
             exact: options.interpolation == Interpolation::Exact,
         };
         if options.heights != HeightUse::None
-            && view.beyond < 1.0
             && wo[2] > 0.0
             && let Some(heights) = HeightField::of_layer(t.words, t.layer)
         {
             let measured = viewed.measured_views();
-            let seen: SeenBy = heights.seen_by(t.texel as u32, wo, view.beyond, &measured, &view.weights);
-            viewed.weights = seen.weights;
-            viewed.shifted = Some(seen.texels.map(|texel| t.at(texel, options)));
-        }
-        if options.heights == HeightUse::Relief && !viewed.exact && t.has_relief() && wo[2] > 0.0 {
-            let eyes = [wo, within_hull(t.words, t.field(block::VIEWS), wo, &view)];
-            let shown = [0, 1, 2].map(|v| viewed.shown_by(v).texel);
-            let relief = SeenRelief::new(&t, eyes, &viewed.measured_views(), shown, &viewed.weights);
-            viewed.weights = relief.as_ref().map_or(viewed.weights, |relief| relief.view_weights(viewed.weights));
-            viewed.relief = relief;
+            if view.beyond < 1.0 {
+                let seen: SeenBy = heights.seen_by(t.texel as u32, wo, view.beyond, &measured, &view.weights);
+                viewed.weights = seen.weights;
+                viewed.shifted = Some(seen.texels.map(|texel| t.at(texel, options)));
+            }
+            if options.heights == HeightUse::Relief && !viewed.exact && t.has_relief() {
+                let eyes = [wo, within_hull(t.words, t.field(block::VIEWS), wo, &view)];
+                let shown = [0, 1, 2].map(|v| viewed.shown_by(v).texel);
+                let relief = SeenRelief::new(&t, &heights, eyes, &measured, shown, &viewed.weights);
+                viewed.weights = relief.view_weights(viewed.weights);
+                viewed.relief = Some(relief);
+            }
         }
         viewed
     }

@@ -248,8 +248,7 @@ fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, texels: &Texels
         let here = words.len() as u32;
         words.extend(relief_records(layer, texels.size, heights, texels.clusters, &texels.codes));
         begin_part(words);
-        let fields = [block::RELIEF_LIKENESS, block::RELIEF_SHADING, block::RELIEF_GLOSS];
-        fields.into_iter().zip(relief.numbers()).for_each(|(field, number)| set(words, field, number.to_bits()));
+        block::RELIEF_NUMBERS.iter().zip(relief.numbers()).for_each(|(field, x)| set(words, *field, x.to_bits()));
         set(words, block::RELIEF, here);
     }
 }

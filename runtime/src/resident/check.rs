@@ -281,7 +281,7 @@ impl<'a> Block<'a> {
     }
 
     fn relief(&self, texels: usize) -> Checked {
-        let fields = [block::RELIEF_LIKENESS, block::RELIEF_SHADING, block::RELIEF_GLOSS];
+        let fields = block::RELIEF_NUMBERS;
         let numbers = fields.map(|field| self.float(field));
         if self.field(block::RELIEF) == 0 {
             return if fields.iter().all(|field| self.field(*field) == 0) { Ok(()) } else { Err(rule::RELIEF_RANGE) };

@@ -79,6 +79,8 @@ pub mod block {
     pub const RELIEF_SHADING: usize = 30;
     /// Share of the relief's gloss (f32).
     pub const RELIEF_GLOSS: usize = 31;
+    /// The fields of [`crate::Relief::numbers`].
+    pub(crate) const RELIEF_NUMBERS: [usize; 3] = [RELIEF_LIKENESS, RELIEF_SHADING, RELIEF_GLOSS];
 }
 
 /// Cosine below which the light fades to 0 at the horizon (84 degrees), or the least cosine of the set's directions if

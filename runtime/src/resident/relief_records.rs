@@ -3,14 +3,9 @@
 
 use crate::asset::asset::Layer;
 use crate::asset::heights::Heights;
-use crate::asset::relief::{AZIMUTHS, EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
+use crate::asset::relief::{EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
 use crate::asset::residual::{COLOUR_FRAME, Residual};
 
-/// Greatest distance at which a horizon is looked for, texels.
-const REACH: f32 = 40.0;
-/// Steps of the search near by and further off, and the distance between the two, texels.
-const STEPS: [f32; 2] = [0.75, 1.5];
-const NEAR: f32 = 8.0;
 /// Least albedo.
 const MIN_ALBEDO: f32 = 0.002;
 
@@ -76,27 +71,6 @@ fn flat_albedos(layer: &Layer, residual: &Residual, clusters: &[u8], codes: &[&[
     clusters.iter().enumerate().map(of_texel).collect()
 }
 
-/// Returns the tangents of the horizon's elevation at `place`, one for each azimuth, at least 0. `at` interpolates heights,
-/// of which `most` is the greatest.
-///
-/// Cost: up to 35 heights for each azimuth.
-pub(crate) fn horizons(at: impl Fn([f32; 2]) -> f32, size: [usize; 2], most: f32, place: [f32; 2]) -> [f32; AZIMUTHS] {
-    let height = at(place);
-    std::array::from_fn(|azimuth| {
-        let (sin, cos) = (azimuth as f32 * std::f32::consts::TAU / AZIMUTHS as f32).sin_cos();
-        let (mut tangent, mut distance) = (0.0f32, 1.0f32);
-        while distance <= REACH && most - height >= tangent * distance {
-            let there = [place[0] + distance * cos, place[1] - distance * sin];
-            if (0..2).any(|axis| there[axis] < 0.0 || there[axis] > (size[axis] - 1) as f32) {
-                break;
-            }
-            tangent = tangent.max((at(there) - height) / distance);
-            distance += if distance < NEAR { STEPS[0] } else { STEPS[1] };
-        }
-        tangent
-    })
-}
-
 /// Returns the records of a level of `layer` whose texels have these heights, clusters and codes; empty without a
 /// residual.
 ///
@@ -110,17 +84,17 @@ pub(crate) fn relief_records(
 ) -> Vec<u32> {
     let Some(residual) = &layer.residual else { return Vec::new() };
     let albedos = flat_albedos(layer, residual, clusters, codes);
-    let most = heights.range()[1];
+    let field = heights.field(size);
     let mut records = Vec::with_capacity(RELIEF_WORDS * clusters.len());
     for (texel, albedo) in albedos.iter().enumerate() {
         let place = [(texel % size[0]) as f32, (texel / size[0]) as f32];
-        let at = |x: f32, y: f32| heights.at(size, [place[0] + x, place[1] + y]);
+        let at = |x: f32, y: f32| field.at([place[0] + x, place[1] + y]);
         let slopes = [at(1.0, 0.0) - at(-1.0, 0.0), at(0.0, -1.0) - at(0.0, 1.0)];
         let [p, q] = slopes.map(|slope| u32::from((0.5 * slope / SLOPE_STEP).round() as i16 as u16));
         let code = |x: f32| (255.0 * (x / ((1.0 + EVEN_LIGHT) * MAX_ALBEDO)).sqrt()).round() as u32;
         let [r, g, b] = albedo.map(code);
         let byte = |tangent: f32| (tangent / HORIZON_STEP).round().min(255.0) as u8;
-        let [a, b1, c, d, e, f, g1, h] = horizons(|place| heights.at(size, place), size, most, place).map(byte);
+        let [a, b1, c, d, e, f, g1, h] = field.horizons(place).map(byte);
         records.extend([
             p | q << 16,
             r | g << 8 | b << 16,

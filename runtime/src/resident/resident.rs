@@ -80,14 +80,13 @@ impl Resident {
         ranges
     }
 
-    /// Replaces the shares of relief of a layer; [`Resident::layer_for_sides`] gives its index. A layer that was made
-    /// without relief stays so.
+    /// Replaces the shares of relief of one level of a layer, which [`Resident::layer_for_sides`] numbers. A layer that was
+    /// made without relief stays so.
     pub fn set_relief(&mut self, layer: u32, relief: Relief) {
         let at = self.words()[ASSET_LAYERS + layer as usize] as usize;
-        let fields = [block::RELIEF_LIKENESS, block::RELIEF_SHADING, block::RELIEF_GLOSS];
         if self.field(layer, block::RELIEF) > 0 {
             let words = self.own_words();
-            fields.iter().zip(relief.numbers()).for_each(|(field, number)| words[at + field] = number.to_bits());
+            block::RELIEF_NUMBERS.iter().zip(relief.numbers()).for_each(|(field, x)| words[at + field] = x.to_bits());
         }
     }
 

@@ -62,11 +62,7 @@ impl RenderArguments {
                 InterpolationName::Fast => Interpolation::Fast,
                 InterpolationName::Exact => Interpolation::Exact,
             },
-            heights: match (self.no_parallax, self.no_relief) {
-                (true, _) => HeightUse::None,
-                (_, true) => HeightUse::Parallax,
-                _ => HeightUse::Relief,
-            },
+            heights: HeightUse::unless(self.no_parallax, self.no_relief),
         };
         ShadeOptions {
             decode,

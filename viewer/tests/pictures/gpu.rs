@@ -42,6 +42,18 @@ fn direction(random: &mut Random) -> [f32; 3] {
     unit(d)
 }
 
+/// Random texels of all levels of an asset of one layer, with [`direction`]s.
+fn queries(resident: &Resident, seed: u64, count: usize) -> Vec<DecodeQuery> {
+    let mut random = Random::new(seed);
+    let query = |_| {
+        let layer = random.below(resident.levels() as usize) as u32;
+        let [width, rows] = resident.size(layer);
+        let texel = random.below((width * rows) as usize) as u32;
+        DecodeQuery { layer, texel, wi: direction(&mut random), wo: direction(&mut random) }
+    };
+    (0..count).map(query).collect()
+}
+
 #[test]
 fn gpu_decodes_100_000_samples_like_the_cpu() {
     let Some(gpu) = gpu("gpu_decodes_100_000_samples_like_the_cpu") else { return };
@@ -69,16 +81,7 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
         };
         let resident = in_role(role);
         let other_role = in_role(if role == LobeRole::Base { LobeRole::Guide } else { LobeRole::Base });
-        let mut random = Random::new(seed);
-        let queries: Vec<DecodeQuery> = (0..SAMPLES)
-            .map(|_| {
-                // One layer, so this is a level.
-                let layer = random.below(resident.levels() as usize) as u32;
-                let [width, rows] = resident.size(layer);
-                let texel = random.below((width * rows) as usize) as u32;
-                DecodeQuery { layer, texel, wi: direction(&mut random), wo: direction(&mut random) }
-            })
-            .collect();
+        let queries = queries(&resident, seed, SAMPLES);
         for interpolation in [Interpolation::Fast, Interpolation::Exact] {
             let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
             let cpu = |resident: &Resident, options: &DecodeOptions| -> Vec<[f32; 3]> {
@@ -114,15 +117,7 @@ fn gpu_decodes_relief_like_the_cpu() {
     let Some(gpu) = gpu("gpu_decodes_relief_like_the_cpu") else { return };
     const SAMPLES: usize = 20_000;
     let resident = Resident::from_asset(&with_levels(&sample_relief_asset(8, 24, 16), &serial));
-    let mut random = Random::new(9);
-    let queries: Vec<DecodeQuery> = (0..SAMPLES)
-        .map(|_| {
-            let layer = random.below(resident.levels() as usize) as u32;
-            let [width, rows] = resident.size(layer);
-            let texel = random.below((width * rows) as usize) as u32;
-            DecodeQuery { layer, texel, wi: direction(&mut random), wo: direction(&mut random) }
-        })
-        .collect();
+    let queries = queries(&resident, 9, SAMPLES);
     let options = DecodeOptions::default();
     let cpu = |options: &DecodeOptions| -> Vec<[f32; 3]> {
         queries.iter().map(|q| decode(&resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
