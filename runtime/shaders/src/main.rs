@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args_os().skip(1);
-    let (Some(folder), None) = (arguments.next(), arguments.next()) else {
+    let is_option = |folder: &std::ffi::OsString| folder.to_string_lossy().starts_with('-');
+    let (Some(folder), None) = (arguments.next().filter(|folder| !is_option(folder)), arguments.next()) else {
         eprintln!("error: one argument is needed, the folder to write to: btf-shaders FOLDER");
         return ExitCode::from(2);
     };

@@ -62,7 +62,9 @@ impl<'a> HeightField<'a> {
     fn first_hit(&self, place: [f32; 2], s: [f32; 2]) -> f32 {
         let [least, most] = self.range;
         let depth = most - least;
-        let steps = ((s[0] * s[0] + s[1] * s[1]).sqrt() * depth / RAY_STEP).ceil().clamp(MIN_RAY_STEPS, MAX_RAY_STEPS);
+        // A little less, so that rounding does not decide where the quotient is whole.
+        let length = (s[0] * s[0] + s[1] * s[1]).sqrt() * depth / RAY_STEP - 1e-4;
+        let steps = length.ceil().clamp(MIN_RAY_STEPS, MAX_RAY_STEPS);
         let above = |z: f32| z - self.at([place[0] + z * s[0], place[1] + z * s[1]]);
         let (mut free, mut clear) = (most, above(most).max(0.0));
         for i in 1..=steps as u32 {

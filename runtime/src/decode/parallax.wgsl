@@ -27,7 +27,8 @@ fn height_field(base: u32, layer: u32) -> HeightField {
 // Returns the height of the first point that a ray meets; the ray has slope `s` and passes the mean plane at `place`.
 fn height_first_hit(field: HeightField, place: vec2<f32>, s: vec2<f32>) -> f32 {
     let depth = field.range.y - field.range.x;
-    let steps = clamp(ceil(length(s) * depth / RAY_STEP), MIN_RAY_STEPS, MAX_RAY_STEPS);
+    // A little less, so that rounding does not decide where the quotient is whole.
+    let steps = clamp(ceil(length(s) * depth / RAY_STEP - 1e-4), MIN_RAY_STEPS, MAX_RAY_STEPS);
     var free = field.range.y;
     var clear = max(free - height_at(field, place + free * s), 0.0);
     for (var i = 1u; i <= u32(steps); i++) {

@@ -23,6 +23,8 @@ pub const GLOSS_ALPHA: f32 = 0.3;
 pub const GLOSS_NORMAL: f32 = 0.04;
 /// Least cosine between the eye and a normal.
 pub const MIN_COS_EYE: f32 = 0.02;
+/// Least divisor of the terms under a light beyond the measured ones.
+pub const MIN_BEYOND: f32 = 0.3;
 /// Share of the squared difference of normals in the unlikeness of two points.
 pub const NORMAL_SHARE: f32 = 0.1;
 
@@ -61,6 +63,17 @@ pub(crate) struct SeenRelief {
     of_views: [ReliefPoint; 3],
     /// Albedo of an upright plane at the texel of each neighbouring view.
     flat: [[f32; 3]; 3],
+}
+
+/// A light for which the eye's own point is shaded.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct OwnLight {
+    /// Unit vector to the light.
+    pub wi: [f32; 3],
+    /// The light's nearest direction within the hull of the measured ones.
+    pub toward: [f32; 3],
+    /// That of the light's [`crate::Neighbours`].
+    pub beyond: f32,
 }
 
 /// What relief adds at a light, RGB in the root curve.
@@ -105,8 +118,9 @@ type Shaded<'a> = (usize, &'a ReliefLight, [f32; 3], [f32; 3]);
 
 /// Numbers that a point takes in vectors: its body, its whole shading and the upright plane's, RGB.
 const NUMBERS: usize = 9;
-/// Largest number of points that are shaded together: three views under three lights, and the eye's.
-const MAX_SHADED: usize = 10;
+/// Largest number of points that are shaded together: three views under three lights, and the eye's under the light and
+/// under the nearest one within the hull.
+const MAX_SHADED: usize = 11;
 
 impl ReliefPoint {
     /// Reads the point at `place`, columns and rows, of the layer of `t`; edges continue outside.
@@ -272,18 +286,21 @@ impl SeenRelief {
     }
 
     /// Returns the terms of what neighbouring `views` show, with their weights, under measured lights at `wis`, and those of
-    /// the point that the eye sees under the light `toward`, if there is one. The upright plane of the eye's point is that of
+    /// the point that the eye sees under the light `own`, if there is one. The upright plane of the eye's point is that of
     /// the texels of the neighbouring views, with their weights.
+    ///
+    /// Beyond the measured lights the value falls with the light's cosine, from that at their hull. What relief adds there
+    /// is that under the light itself, over what it then loses; points are compared at the hull.
     pub(crate) fn of_lights(
         &self,
         wis: [Option<[f32; 3]>; 3],
-        toward: Option<[f32; 3]>,
+        own: Option<OwnLight>,
         views: &[[f32; 3]; 3],
         weights: [f32; 3],
         epsilon: f32,
     ) -> ([ReliefTerms; 3], ReliefTerms) {
         let lights = wis.map(|wi| wi.map(ReliefLight::new));
-        let own = toward.map(ReliefLight::new);
+        let own = own.map(|own| (own.beyond, [own.toward, own.wi].map(ReliefLight::new)));
         let shown = || (0..3).filter(|v| weights[*v] > 0.0);
         let mut points: [Shaded; MAX_SHADED] = [(3, &NO_LIGHT, [0.0; 3], [0.0; 3]); MAX_SHADED];
         let mut count = 0;
@@ -294,9 +311,10 @@ impl SeenRelief {
         for light in lights.iter().flatten() {
             shown().for_each(|v| add((v, light, views[v], self.flat[v])));
         }
-        if let Some(light) = &own {
+        if let Some((beyond, lights)) = &own {
             let flat = [0, 1, 2].map(|c| shown().map(|v| weights[v] * self.flat[v][c]).sum());
-            add((3, light, self.eye, flat));
+            let asked = if *beyond < 1.0 { 2 } else { 1 };
+            lights[..asked].iter().for_each(|light| add((3, light, self.eye, flat)));
         }
         let mut terms = self.terms(&points[..count], epsilon).into_iter();
         let mut of_lights = [ReliefTerms::default(); 3];
@@ -310,7 +328,12 @@ impl SeenRelief {
                 }
             }
         }
-        (of_lights, terms.next().unwrap_or_default())
+        let Some((beyond, _)) = own else { return (of_lights, ReliefTerms::default()) };
+        let mut here = terms.next().unwrap_or_default();
+        if beyond < 1.0 {
+            here.added = terms.next().unwrap_or_default().added.map(|x| x / beyond.max(MIN_BEYOND));
+        }
+        (of_lights, here)
     }
 }
 

@@ -9,6 +9,7 @@ const SHADOW_EDGE: f32 = 0.2;
 const GLOSS_ALPHA: f32 = 0.3;
 const GLOSS_NORMAL: f32 = 0.04;
 const MIN_COS_EYE: f32 = 0.02;
+const MIN_BEYOND: f32 = 0.3;
 const NORMAL_SHARE: f32 = 0.1;
 
 // A surface point, interpolated between texels.

@@ -13,7 +13,7 @@ use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::{Neighbours, direction, locate, within_hull};
 use crate::decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 use crate::decode::parallax::SeenBy;
-use crate::decode::relief::{ReliefTerms, SeenRelief};
+use crate::decode::relief::{OwnLight, ReliefTerms, SeenRelief};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
 use crate::decode::texel::Texel;
 use crate::resident::layout::block;
@@ -350,7 +350,7 @@ impl<'a> ViewedTexel<'a> {
         let here = if self.asks_lobes() { self.lobe_sum(0, lobe) } else { [0.0; 3] };
         let mut value = match &lit.place {
             None => here.map(|x| x.max(0.0)),
-            Some(place) => self.measured(rows, place, lit.toward, here),
+            Some(place) => self.measured(rows, place, lit, here),
         };
         if t.edit > 0 {
             value = self.edited(value, here, self.lobe_sum(t.edit, lobe));
@@ -385,18 +385,13 @@ impl<'a> ViewedTexel<'a> {
         value.map(|x| x * falling)
     }
 
-    /// Returns the interpolated residual with the terms of relief, for a `light` seen `toward`, by the fast rule.
-    fn relieved(
-        &self,
-        relief: &SeenRelief,
-        rows: Option<&mut LightRows>,
-        light: &Neighbours,
-        toward: [f32; 3],
-    ) -> [f32; 3] {
+    /// Returns the interpolated residual with the terms of relief by the fast rule, for `lit` between the measured `light`s.
+    fn relieved(&self, relief: &SeenRelief, rows: Option<&mut LightRows>, light: &Neighbours, lit: &Lit) -> [f32; 3] {
         let epsilon = self.t.float(block::EPSILON);
         let wanted = light.weights.map(|weight| weight > 0.0);
+        let own = OwnLight { wi: lit.wi, toward: lit.toward, beyond: light.beyond };
         let Some(rows) = rows else {
-            let (of_lights, here) = self.relief_terms(relief, light.ids, wanted, Some(toward));
+            let (of_lights, here) = self.relief_terms(relief, light.ids, wanted, Some(own));
             let weights = relief.light_weights(light.weights, here.shading, of_lights.map(|terms| terms.shading));
             let mut sum = self.residual(light.ids, weights, self.weights);
             for c in 0..3 {
@@ -405,7 +400,7 @@ impl<'a> ViewedTexel<'a> {
             return sum;
         };
         let found = rows.find_or_make(light.ids, wanted, |missing| self.rows(light.ids, missing, epsilon));
-        let (_, here) = self.relief_terms(relief, light.ids, [false; 3], Some(toward));
+        let (_, here) = self.relief_terms(relief, light.ids, [false; 3], Some(own));
         let weights = relief.light_weights(light.weights, here.shading, found.map(|row| row.other));
         [0, 1, 2].map(|c| here.added[c] + (0..3).map(|l| weights[l] * found[l].value[c]).sum::<f32>())
     }
@@ -416,19 +411,19 @@ impl<'a> ViewedTexel<'a> {
         relief: &SeenRelief,
         lights: [u32; 3],
         wanted: [bool; 3],
-        toward: Option<[f32; 3]>,
+        own: Option<OwnLight>,
     ) -> ([ReliefTerms; 3], ReliefTerms) {
         let at = self.t.field(block::LIGHTS);
         let wis = [0, 1, 2].map(|l| wanted[l].then(|| direction(self.t.words, at, lights[l])));
-        relief.of_lights(wis, toward, &self.measured_views(), self.weights, self.t.float(block::EPSILON))
+        relief.of_lights(wis, own, &self.measured_views(), self.weights, self.t.float(block::EPSILON))
     }
 
-    /// Returns the measured value for a `light`, without its fall towards the horizon; `here` are the lobes, where they are
-    /// needed.
-    fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, toward: [f32; 3], here: [f32; 3]) -> [f32; 3] {
+    /// Returns the measured value for `lit` between the measured `light`s, without its fall towards the horizon; `here` are
+    /// the lobes, where they are needed.
+    fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, lit: &Lit, here: [f32; 3]) -> [f32; 3] {
         let epsilon = self.t.float(block::EPSILON);
         if let Some(relief) = &self.relief {
-            return self.combined(here, self.relieved(relief, rows, light, toward), light.beyond);
+            return self.combined(here, self.relieved(relief, rows, light, lit), light.beyond);
         }
         if rows.is_none() && !self.exact {
             return self.combined(here, self.residual(light.ids, light.weights, self.weights), light.beyond);

@@ -186,7 +186,9 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     }
     var value = max(lobes[0], vec3<f32>(0.0));
     if t.bases > 0u {
-        value = viewed_measured(viewed, rows, light, wi, lobes[0]);
+        // The light itself is on the layer's side.
+        let own = vec3<f32>(wi_given.xy, abs(wi_given.z));
+        value = viewed_measured(viewed, rows, light, own, wi, lobes[0]);
     }
     if t.edit > 0u {
         value = viewed_edited(viewed, value, lobes[0], lobes[1]);
@@ -206,12 +208,13 @@ fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: 
     return tint * min(value_edited, vec3<f32>(1e37));
 }
 
-// Returns the measured value for a light with these neighbours that is seen `toward`, without its fall towards the
+// Returns the measured value for a light at `wi` with these neighbours that is seen `toward`, without its fall towards the
 // horizon; `here` are the lobes, where they are needed.
 fn viewed_measured(
     viewed: ViewedTexel,
     rows: ptr<function, LightRows>,
     light: Neighbours,
+    wi: vec3<f32>,
     toward: vec3<f32>,
     here: vec3<f32>,
 ) -> vec3<f32> {
@@ -247,9 +250,13 @@ fn viewed_measured(
     var weights = light.weights;
     var added = vec3<f32>(0.0);
     if viewed.relieved {
-        let terms = relief_here(viewed.relief, toward, viewed.weights, epsilon);
-        weights = relief_light_weights(viewed.relief, light.weights, terms.shading, found.others);
-        added = terms.added;
+        let compared = relief_here(viewed.relief, toward, viewed.weights, epsilon);
+        weights = relief_light_weights(viewed.relief, light.weights, compared.shading, found.others);
+        added = compared.added;
+        if light.beyond < 1.0 {
+            // Beyond the measured lights the terms are those of the light itself, over what the value then loses.
+            added = relief_here(viewed.relief, wi, viewed.weights, epsilon).added / max(light.beyond, MIN_BEYOND);
+        }
     }
     let value = found.values * weights + added;
     if !viewed.exact {

@@ -102,6 +102,7 @@ fn decoder() -> [Constants; 2] {
         ("GLOSS_ALPHA", GLOSS_ALPHA),
         ("GLOSS_NORMAL", GLOSS_NORMAL),
         ("MIN_COS_EYE", MIN_COS_EYE),
+        ("MIN_BEYOND", MIN_BEYOND),
         ("NORMAL_SHARE", NORMAL_SHARE),
         ("COSINE_SHARE", COSINE_SHARE),
         ("MIN_ALPHA", MIN_ALPHA),

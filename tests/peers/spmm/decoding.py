@@ -325,7 +325,7 @@ def moved(place, length, s):
 
 def hit(layer, place, s):
     least, most = (layer.height_step * end(layer.height_codes) for end in (min, max))
-    n = clamp(math.ceil(2 * math.hypot(*s) * (most - least)), 8, 64)
+    n = clamp(math.ceil(2 * math.hypot(*s) * (most - least) - 1e-4), 8, 64)
     z_before, above_before = most, max(0, most - height_at(layer, moved(place, most, s)))
     for i in range(1, n + 1):
         z = most - (most - least) * i / n
@@ -505,9 +505,10 @@ def weighted_sum(weights, vectors):
     return [sum(weight * x for weight, x in zip(weights, xs)) for xs in zip(*vectors)]
 
 
-def with_relief(layer, texel, views, lights, wo, hull_wi, hull_wo):
+def with_relief(layer, texel, views, lights, wi, beyond, wo, hull_wi, hull_wo):
     """`(views, lights, added)`: the neighbours with the weights that relief gives them, and what it adds to the
-    residual. `hull_wi` and `hull_wo` are light and eye, beyond the measured ones those of the hull."""
+    residual. `hull_wi` and `hull_wo` are light and eye, beyond the measured ones those of the hull; `beyond` is the
+    light's."""
     likeness = layer.relief.likeness
     seen = point_seen(layer, texel, wo)
     directions = [layer.views.directions[view] for view, _, _ in views]
@@ -519,7 +520,10 @@ def with_relief(layer, texel, views, lights, wo, hull_wi, hull_wo):
         return distance2(point.codes, seen.codes) / 3 + 0.1 * distance2(point.normal, seen.normal)
 
     of_views = shares([weight / (1 + likeness * unlike(point)) for (_, weight, _), point in zip(views, points)])
-    here, added = shaded(layer, seen, hull_wi, hull_wo, weighted_sum(of_views, flats))
+    flat = weighted_sum(of_views, flats)
+    here, added = shaded(layer, seen, hull_wi, hull_wo, flat)
+    if beyond < 1:
+        added = [x / max(0.3, beyond) for x in shaded(layer, seen, wi, hull_wo, flat)[1]]
     of_lights, added_there = [], []
     for light, weight in lights:
         l = layer.lights.directions[light]
@@ -565,7 +569,7 @@ def decode(levels, layer, level, texel, wi, wo, rule):
     added = [0.0] * 3
     if layer.relief and layer.residual and rule == "fast":
         hull_wo = at_hull(layer.views, own_views, wo, beyond_views)
-        views, lights, added = with_relief(layer, texel, views, lights, wo, toward, hull_wo)
+        views, lights, added = with_relief(layer, texel, views, lights, wi, beyond, wo, toward, hull_wo)
     pairs = [(view, light, v * l, place) for view, v, place in views for light, l in lights]
 
     def lobes(dictionaries):

@@ -108,11 +108,16 @@ pub fn spirv_from_hlsl(text: &[u8], entry: &str) -> Result<Vec<u32>, String> {
     run(&mut command).map(|()| words(&out))
 }
 
-/// Rewrites HLSL for glslang's front end, which lacks one thing: arrays made of zero by a cast, `(float3[3])0`, become
-/// lists.
+/// Rewrites HLSL for glslang's front end, which lacks two things: arrays made of zero by a cast, `(float3[3])0`, become
+/// lists, and matrices, `(float3x3)0`, lists of numbers, because glslang 12 fills them from memory that nobody has set.
 fn for_glslang(text: &str) -> String {
+    let mut text = text.to_string();
+    for (rows, columns) in (2..=4).flat_map(|rows| (2..=4).map(move |columns| (rows, columns))) {
+        let kind = format!("float{rows}x{columns}");
+        text = text.replace(&format!("({kind})0"), &format!("{kind}({})", vec!["0.0"; rows * columns].join(", ")));
+    }
     let mut out = String::new();
-    let mut rest = text;
+    let mut rest = text.as_str();
     while let Some(at) = rest.find("])0;") {
         let open = rest[..at].rfind('(').expect("a cast begins with a bracket");
         let (kind, count) = rest[open + 1..at].split_once('[').expect("an array type has a count");
