@@ -97,6 +97,8 @@ pub enum KMeansEngine {
     Product,
     /// linfa-clustering's, single run.
     Linfa,
+    /// Product's in two levels, the finer clusters within the coarser; texels are not moved to other clusters later.
+    Levels,
 }
 
 /// Goal of a fit: a size, a PSNR, or neither.

@@ -114,6 +114,7 @@ impl FitRecord {
             kmeans: match params.kmeans {
                 KMeansEngine::Product => "product",
                 KMeansEngine::Linfa => "linfa",
+                KMeansEngine::Levels => "levels",
             }
             .into(),
             seed: params.seed,

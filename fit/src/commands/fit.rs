@@ -106,6 +106,8 @@ enum KMeansArg {
     Product,
     /// linfa-clustering's, for comparison
     Linfa,
+    /// Two levels, the finer clusters within the coarser, for comparison
+    Levels,
 }
 
 /// Result that `fit --json` writes. For an asset of several layers the error keys and those of [`LobeUse`] are of all
@@ -306,6 +308,7 @@ fn params(args: &FitArgs) -> FitParams {
         kmeans: match args.kmeans {
             KMeansArg::Product => KMeansEngine::Product,
             KMeansArg::Linfa => KMeansEngine::Linfa,
+            KMeansArg::Levels => KMeansEngine::Levels,
         },
         cache_directory: folder.to_path_buf(),
         resume: args.resume.then(|| {

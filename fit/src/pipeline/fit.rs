@@ -7,6 +7,7 @@ use crate::params::{Goal, ValidFitParams};
 use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::choose_relief::choose_relief;
 use crate::pipeline::description::byte_budget;
+use crate::pipeline::match_energy::with_matched_energy;
 use crate::pipeline::outcome::FitOutcome;
 use crate::pipeline::prepare::{PreparedFit, check_layers};
 use crate::pipeline::search::StepSearch;
@@ -81,6 +82,15 @@ fn prepare_and_encode(
             Ok(search.assemble(step).asset)
         }
     })?;
+    let left_out: Vec<&[usize]> = prepared.layers.iter().map(|layer| layer.left_out.as_slice()).collect();
+    let matched = monitor.stage("energy", || {
+        let (images, memory_bytes) = (prepared.images.as_ref(), params.memory_bytes());
+        with_matched_energy(&asset, captures, &left_out, images, memory_bytes, monitor)
+    })?;
+    // A goal that is just reached is not given up for the mean.
+    if !matches!(params.goal(), Goal::PsnrDb(db) if search.psnr_on_share(&matched)? < db) {
+        asset = matched;
+    }
     if asset.layers.iter().any(|layer| layer.relief.is_some()) {
         monitor.stage("relief", || choose_relief(&mut asset, monitor))?;
     }

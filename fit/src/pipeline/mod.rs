@@ -7,6 +7,7 @@ pub(crate) mod description;
 pub(crate) mod fit;
 pub(crate) mod fitted;
 pub(crate) mod forecast;
+pub(crate) mod match_energy;
 pub(crate) mod memory_plan;
 pub(crate) mod outcome;
 pub(crate) mod prepare;

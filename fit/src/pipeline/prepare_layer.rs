@@ -7,7 +7,7 @@ use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{Mapping, TileCache};
-use crate::params::ValidFitParams;
+use crate::params::{KMeansEngine, ValidFitParams};
 use crate::pipeline::choose_relief::FIRST_RELIEF;
 use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, shared_bases};
 use crate::pipeline::representatives::representatives;
@@ -226,7 +226,9 @@ impl<'a> LayerSource<'a> {
             let clustering = kmeans(scores.view(), self.params.clusters(), self.params.kmeans(), seed)?;
             let mut labels = clustering.labels;
             let clusters = clustering.centroids.nrows();
-            let clusters = reassign(scores.view(), &mut labels, clusters, REASSIGN_COMPONENTS, REASSIGN_ROUNDS);
+            // Texels of clusters within clusters stay where they are.
+            let rounds = if self.params.kmeans() == KMeansEngine::Levels { 0 } else { REASSIGN_ROUNDS };
+            let clusters = reassign(scores.view(), &mut labels, clusters, REASSIGN_COMPONENTS, rounds);
             let representatives = representatives(&labels, clusters, scores.view(), seed);
             Ok((labels, representatives))
         })

@@ -132,7 +132,7 @@ impl StepSearch<'_> {
     }
 
     /// Measures `psnr_db` of `asset` over all layers on a share of the pairs.
-    fn psnr_on_share(&self, asset: &Asset) -> Result<f64, FitError> {
+    pub fn psnr_on_share(&self, asset: &Asset) -> Result<f64, FitError> {
         let resident = resident_in_parallel(asset);
         let mut errors = (0.0, 0.0);
         for capture in self.captures {

@@ -1,5 +1,5 @@
 //! k-means over the texels' features: Lloyd by matrix products with greedy k-means++ seeding [Arthur 2007] and
-//! re-seeding of empty clusters. The k-means of linfa-clustering stands beside it, as an engine and as the oracle that
+//! re-seeding of empty clusters, in one level or in two. The k-means of linfa-clustering stands beside it, as an engine and as the oracle that
 //! the fast one is tested against.
 
 use crate::error::FitError;
@@ -40,7 +40,51 @@ pub fn kmeans(
     match engine {
         KMeansEngine::Product => Ok(lloyd(points, seed_greedily(points, clusters, seed))),
         KMeansEngine::Linfa => linfa_kmeans(points, clusters, seed),
+        KMeansEngine::Levels => Ok(nested(points, clusters, seed)),
     }
+}
+
+/// Clusters in two levels, the finer within the coarser, as the SPMM's paper does: about the root of `clusters` coarse
+/// ones, each of which is divided into a number of fine ones that goes with its inertia.
+fn nested(points: ArrayView2<f32>, clusters: usize, seed: u64) -> Clustering {
+    let coarse = (clusters as f64).sqrt().ceil() as usize;
+    let coarse = lloyd(points, seed_greedily(points, coarse, seed));
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); coarse.centroids.nrows()];
+    coarse.labels.iter().enumerate().for_each(|(point, label)| members[*label as usize].push(point));
+    members.retain(|members| !members.is_empty());
+    let parts: Vec<Array2<f32>> = members.iter().map(|members| points.select(Axis(0), members)).collect();
+    let inertias: Vec<f64> = parts.iter().map(|part| inertia_about_mean(part.view())).collect();
+    let most: Vec<usize> = members.iter().map(Vec::len).collect();
+    let shares = shares_of(clusters, &inertias, &most);
+    let (mut labels, mut centroids, mut inertia) = (vec![0; points.nrows()], Vec::new(), 0.0);
+    for ((part, members), share) in parts.iter().zip(&members).zip(shares) {
+        let fine = lloyd(part.view(), seed_greedily(part.view(), share, seed));
+        let first = centroids.len() / points.ncols().max(1);
+        members.iter().zip(&fine.labels).for_each(|(point, label)| labels[*point] = first as u32 + label);
+        centroids.extend(fine.centroids);
+        inertia += fine.inertia;
+    }
+    let rows = centroids.len() / points.ncols().max(1);
+    let centroids = Array2::from_shape_vec((rows, points.ncols()), centroids).unwrap_or_default();
+    Clustering { labels, centroids, inertia }
+}
+
+fn inertia_about_mean(points: ArrayView2<f32>) -> f64 {
+    let mean = points.mean_axis(Axis(0)).unwrap_or_default();
+    points.rows().into_iter().flat_map(|row| row.to_owned() - &mean).map(|x| f64::from(x * x)).sum()
+}
+
+/// Divides `count` into whole numbers, each at least 1 and at most its limit in `most`: one after the other goes where
+/// the weight for each of the parts so far is largest.
+fn shares_of(count: usize, weights: &[f64], most: &[usize]) -> Vec<usize> {
+    let mut shares = vec![1; weights.len()];
+    for _ in weights.len()..count {
+        let open = (0..shares.len()).filter(|i| shares[*i] < most[*i]);
+        let weight = |i: usize| weights[i] / shares[i] as f64;
+        let Some(next) = open.max_by(|a, b| weight(*a).total_cmp(&weight(*b)).then(b.cmp(a))) else { break };
+        shares[next] += 1;
+    }
+    shares
 }
 
 /// Result of an assignment: labels, inertia, and sum and count of each cluster.
@@ -212,6 +256,27 @@ mod tests {
         // Planted difference: a single Lloyd pass from one repeated seed is much worse.
         let bad = assign(points.view(), &Array2::from_shape_fn((20, 12), |(_, j)| points[[0, j]])).inertia;
         assert!(bad > 2.0 * fast.inertia);
+    }
+
+    #[test]
+    fn two_levels_divide_each_coarse_cluster_and_are_nearly_as_good_as_one() {
+        let points = blobs(2000, 12, 6.0);
+        let [one, two] =
+            [KMeansEngine::Product, KMeansEngine::Levels].map(|engine| kmeans(points.view(), 36, engine, 3).unwrap());
+        assert_eq!(two.centroids.nrows(), 36);
+        assert!(two.inertia < 1.2 * one.inertia, "{} against {}", two.inertia, one.inertia);
+        // Labels, centroids and inertia belong to each other.
+        let to_own = |(row, label): (ndarray::ArrayView1<f32>, &u32)| -> f64 {
+            let off = &row - &two.centroids.row(*label as usize);
+            off.iter().map(|x| f64::from(x * x)).sum()
+        };
+        let sum: f64 = points.rows().into_iter().zip(&two.labels).map(to_own).sum();
+        assert!((sum - two.inertia).abs() < 1e-3 * sum, "{sum} {}", two.inertia);
+        // A point stays within its coarse cluster even where a fine one of another is nearer.
+        let nearest = assign(points.view(), &two.centroids);
+        assert!(nearest.inertia < two.inertia && nearest.labels != two.labels);
+        assert_eq!(kmeans(points.slice(s![..3, ..]), 8, KMeansEngine::Levels, 1).unwrap().centroids.nrows(), 3);
+        assert_eq!(shares_of(6, &[9.0, 1.0, 2.0], &[3, 5, 9]), [3, 1, 2]);
     }
 
     #[test]
