@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures the rival codecs on a capture folder: bytes, psnr_db over all 8-bit values, parameters, seconds.
 
-    python tests/peers/rivals.py CAPTURE --json OUT.json [--codec published,strong,plus,stacks,av1]
+    python tests/peers/rivals.py CAPTURE --json OUT.json [--codec published,strong,plus,stacks,av1,neural]
     python tests/peers/rivals.py envelope OUT.json
 
 See tests/peers/README.md.
@@ -39,7 +39,7 @@ START = time.time()
 
 def brief(point):
     """A point's parameters for the log."""
-    skipped = ("codec", "psnr_db", "estimated_psnr_db", "encode_seconds", "decoded")
+    skipped = ("codec", "psnr_db", "estimated_psnr_db", "encode_seconds", "decoded", "curve", "held")
     return " ".join(f"{key}={value}" for key, value in point.items() if key not in skipped) + f" -> {point['psnr_db']:.2f} dB"
 
 
@@ -91,31 +91,39 @@ def measure(arguments):
     seed = arguments.seed
     codecs = [codec for codec in arguments.codec.split(",") if codec != "none"]
     gamma = Domain("gamma", data.transfer)
+    # The neural rivals measure held-back pairs and other directions themselves, within one training.
+    others = codecs != ["neural"]
+    held = None
+    if arguments.leave_out or arguments.held_out:
+        held = (holdout.read_pairs(arguments.held_out, lights) if arguments.held_out
+                else holdout.held_pairs(views * lights, arguments.leave_out, seed))
     every_target = QUICK_TARGETS if arguments.quick else TARGETS
-    if "strong" in codecs or "plus" in codecs or arguments.off_grid:
+    # Strong+ and the neural rivals measure other directions themselves.
+    strong_off_grid = arguments.off_grid and ("strong" in codecs or not {"plus", "neural"} & set(codecs))
+    if "strong" in codecs or strong_off_grid:
         for kind in arguments.domains.split(","):
             domain = Domain(kind, data.transfer)
             frame = coordinates.measure(data, domain, arguments.rank, seed)
             log(f"{frame.rank} coordinates ({kind})")
             spaces = strong.spaces_of(frame, log)
-            if "strong" in codecs or arguments.off_grid:
-                found, chosen = strong.search(frame, spaces, data.texels, max(TARGETS), seed, log=log)
+            found, chosen = strong.search(frame, spaces, data.texels, max(TARGETS), seed, log=log)
             if "strong" in codecs:
                 if kind == "gamma":
                     report.replace(["strong"])
                 for estimate in strong.best_at(found, every_target if kind == "gamma" else every_target[2::3]):
                     report.add([strong.measure(data, domain, frame, spaces, estimate, chosen, seed)[0]])
-            if arguments.off_grid and kind == "gamma":
+            if strong_off_grid and kind == "gamma":
                 other = captures.read(arguments.off_grid, arguments.cache)
                 estimate = strong.best_at(found, [arguments.bytes])[0]
                 _, encoded = strong.measure(data, domain, frame, spaces, estimate, chosen, seed)
-                report.told["off_grid"] = offgrid.measure(data, other, domain, encoded)
+                told = {"bytes": encoded.bytes, "clusters": encoded.clusters, "components": encoded.components}
+                report.told["off_grid"] = offgrid.measure(data, other, domain, offgrid.strong_groups(encoded), told)
                 log("off grid", report.told["off_grid"])
                 report.save()
-            if "plus" in codecs and kind == "gamma":
-                report.replace(["strong+"])
-                report.add(plus.sweep(data, domain, frame, spaces, max(TARGETS), seed))
             del frame, spaces
+    if "plus" in codecs:
+        report.replace(["strong+"])
+        measure_plus(data, gamma, arguments, report)
     if "published" in codecs:
         report.replace(["fmf", "local pca"])
         domain = Domain("linear", data.transfer)
@@ -134,13 +142,42 @@ def measure(arguments):
     if arguments.book:
         report.replace(["book"])
         report.add([book_point(data, captures.read(arguments.book, arguments.cache), arguments.book_bytes)])
-    if arguments.leave_out or arguments.held_out:
-        held = (holdout.read_pairs(arguments.held_out, lights) if arguments.held_out
-                else holdout.held_pairs(views * lights, arguments.leave_out, seed))
+    if "neural" in codecs:
+        import torch
+        from rival import neural
+
+        torch.set_num_threads(1)
+
+        other = captures.read(arguments.off_grid, arguments.cache) if arguments.off_grid else None
+        kept = Path(arguments.keep) if arguments.keep else None
+        for point in neural.points(data, arguments.kinds.split(","), arguments.latents, 60 * arguments.minutes, held or (),
+                                   other, log, kept):
+            # Points of other training times stay, so that their difference can be told.
+            same = lambda p: all(p.get(key) == point[key] for key in ("codec", "latents", "training_seconds"))
+            report.told["points"] = [p for p in report.told["points"] if not same(p)]
+            report.add([point])
+    if held and others:
         report.told["leave_out"] = holdout.measure(data, gamma, held, arguments.bytes, seed=1, log=log) | {"seed": seed}
         log("leave out", report.told["leave_out"])
     report.save()
     print(envelope.table(report.told))
+
+
+def measure_plus(data, domain, arguments, report):
+    """Strong+ at its sizes, with `--off-grid` also at other directions from half a megabyte on."""
+    other = captures.read(arguments.off_grid, arguments.cache) if arguments.off_grid else None
+    frame = coordinates.measure(data, domain, max(arguments.rank, plus.RANK), arguments.seed)
+    log(f"{frame.rank} coordinates for strong+")
+
+    def then(coded, point):
+        if other is not None and point["target"] >= min(arguments.bytes, 5e5):
+            told = {"bytes": point["bytes"]}
+            point["off_grid"] = offgrid.measure(data, other, domain, offgrid.plus_groups(coded), told)
+        report.add([point])
+
+    targets = arguments.targets or plus.TARGETS
+    clusters, sides = (plus.CLUSTERS[1::2], plus.SIDES[::2]) if arguments.quick else (plus.CLUSTERS, plus.SIDES)
+    plus.sweep(data, domain, frame, targets, arguments.seed, log, clusters, sides, then)
 
 
 def book_point(data, decoded, size):
@@ -165,6 +202,11 @@ def rate_factors(text):
     return factors
 
 
+def sizes(text):
+    """Bytes of a list `64e3,1e6`."""
+    return tuple(float(number) for number in text.split(","))
+
+
 def main():
     if sys.argv[1:2] == ["envelope"]:
         for path in sys.argv[2:]:
@@ -175,12 +217,13 @@ def main():
     parser.add_argument("--json", required=True, help="where the report goes")
     parser.add_argument("--add", action="store_true", help="keep what the report has of other codecs and measurements")
     parser.add_argument("--codec", default="strong,published",
-                        help="of: strong, published, plus, stacks, av1 (alone); or none")
+                        help="of: strong, published, plus, stacks, av1 (alone), neural; or none")
     parser.add_argument("--domains", default="gamma", help="of the strong rival: gamma, log")
-    parser.add_argument("--quick", action="store_true", help="six sizes of strong, 32 x 4 and 32 x 8 of local PCA, "
-                                                             "AV1 by libsvtav1 in ring order alone")
+    parser.add_argument("--quick", action="store_true", help="six sizes of strong, fewer forms of plus, 32 x 4 and 32 x 8 "
+                                                             "of local PCA, AV1 by libsvtav1 in ring order alone")
     parser.add_argument("--crf", metavar="LIST", type=rate_factors, default=stacks.AV1_CRF,
                         help="AV1's rate factors, 0 to 63 (default: eight from 18 to 63)")
+    parser.add_argument("--targets", metavar="LIST", type=sizes, help="bytes at which plus is measured (64e3 to 4e6)")
     parser.add_argument("--slice", type=int, metavar="VIEW", help="one view of the capture only")
     parser.add_argument("--leave-out", type=float, metavar="SHARE", help="hold back pairs as `btf-fit fit --leave-out` does")
     parser.add_argument("--held-out", metavar="FILE", help="hold back these pairs: JSON [[view, light], ...]")
@@ -188,6 +231,11 @@ def main():
     parser.add_argument("--bytes", type=float, default=2e6, help="size of --leave-out and --off-grid (2e6)")
     parser.add_argument("--book", metavar="FOLDER", help="images that a code book of the same material decodes to")
     parser.add_argument("--book-bytes", type=int, default=1771420, help="bytes of the book (WALLPAPER's: 1771420)")
+    parser.add_argument("--kinds", default="neural,neumip", help="of --codec neural: neural (the smaller one), neumip")
+    parser.add_argument("--latents", metavar="LIST", type=lambda text: [int(number) for number in text.split(",")],
+                        help="of --codec neural: latents a texel (default: of each kind)")
+    parser.add_argument("--keep", metavar="FOLDER", help="of --codec neural: where the encoded bytes go")
+    parser.add_argument("--minutes", type=float, default=6, help="of --codec neural: training of one point (6)")
     parser.add_argument("--rank", type=int, default=384, help="coordinates of the search")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cache", help="folder for decoded captures (default: in the temporary folder)")
