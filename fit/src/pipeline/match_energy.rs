@@ -10,8 +10,9 @@ use btf_capture::Capture;
 use btf_runtime::{Asset, Layer, ResidualKind};
 use half::f16;
 
-/// Range of the factor on a layer's values; what is further off is no matter of a mean.
-const FACTOR_RANGE: [f64; 2] = [0.8, 1.25];
+/// Range of the factor on a layer's values. A curve only makes them too dark; what is further off, or too bright as beside
+/// negative values in the capture, is no matter of a mean.
+const FACTOR_RANGE: [f64; 2] = [1.0, 1.25];
 
 /// Returns `asset` with the values of each layer multiplied by the ratio of the captures' mean to the mean of what is decoded, both
 /// over about 256 measured pairs. `left_out` are the pairs of each capture that were held back.
