@@ -151,9 +151,9 @@ def measure(arguments):
         other = captures.read(arguments.off_grid, arguments.cache) if arguments.off_grid else None
         kept = Path(arguments.keep) if arguments.keep else None
         for point in neural.points(data, arguments.kinds.split(","), arguments.latents, 60 * arguments.minutes, held or (),
-                                   other, log, kept):
+                                   other, log, kept, arguments.rate):
             # Points of other training times stay, so that their difference can be told.
-            same = lambda p: all(p.get(key) == point[key] for key in ("codec", "latents", "training_seconds"))
+            same = lambda p: all(p.get(key) == point[key] for key in ("codec", "latents", "training_seconds", "rate"))
             report.told["points"] = [p for p in report.told["points"] if not same(p)]
             report.add([point])
     if held and others:
@@ -234,8 +234,10 @@ def main():
     parser.add_argument("--kinds", default="neural,neumip", help="of --codec neural: neural (the smaller one), neumip")
     parser.add_argument("--latents", metavar="LIST", type=lambda text: [int(number) for number in text.split(",")],
                         help="of --codec neural: latents a texel (default: of each kind)")
+    parser.add_argument("--rate", type=float, default=5e-3,
+                        help="of --codec neural: first learning rate (5e-3; 1.5e-3 where few components say nearly all)")
     parser.add_argument("--keep", metavar="FOLDER", help="of --codec neural: where the encoded bytes go")
-    parser.add_argument("--minutes", type=float, default=6, help="of --codec neural: training of one point (6)")
+    parser.add_argument("--minutes", type=float, default=6, help="of --codec neural: CPU minutes of training of one point (6)")
     parser.add_argument("--rank", type=int, default=384, help="coordinates of the search")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cache", help="folder for decoded captures (default: in the temporary folder)")

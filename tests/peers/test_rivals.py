@@ -216,6 +216,8 @@ class Codes(unittest.TestCase):
         blocks = self.numbers((2, 2, 2, 4, 4), 2)
         blocks[..., 3, 3] = 0
         rows, cores = self.numbers((9, 12)), self.numbers((3, 4, 5, 3), 30)
+        # As large as the first core of a smooth material.
+        cores[0, 0, 0, 0] = 1234567
         return {
             "local": (lambda: predicted.LocalPlan(labels, kept), local),
             "blocks": (lambda: transformed.BlocksPlan(blocks.shape, transformed.ends_of(blocks), 32), blocks),

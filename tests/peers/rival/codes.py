@@ -10,8 +10,8 @@ so that an encoder can work on a whole batch at once, and a decoder that goes nu
 
 import numpy as np
 
-# Decisions: zero, 15 of "is the length above j", first and second digit behind the leading 1 by length.
-LENGTHS = 15
+# Decisions: zero, 24 of "is the length above j", first and second digit behind the leading 1 by length.
+LENGTHS = 24
 DECISIONS = 1 + LENGTHS + LENGTHS + 2 * LENGTHS
 # Counts above this are halved: what is long ago is forgotten.
 MEMORY = 1024.0
