@@ -114,7 +114,7 @@ pub(crate) fn sample_asset_with(
             dictionary,
             lobe_refs,
             lobe_weights: None,
-            residual: Some(Residual { factors, shared, bases, coefficients }),
+            residual: Some(Residual { factors, shared, bases, coefficients, groups: Vec::new() }),
         }],
     }
 }

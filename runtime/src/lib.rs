@@ -51,7 +51,7 @@ pub use asset::lobe_weights::LobeWeights;
 pub use asset::predicted_lobes::first_lobes;
 pub use asset::relief::{MAX_LIKENESS, Relief};
 pub use asset::residual::{
-    Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, ROOT, Residual, ResidualKind, SharedBases,
+    Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, PredictedGroup, ROOT, Residual, ResidualKind, SharedBases,
 };
 pub use asset::sphere::{DIRECTION_WORDS, EDGE_WORDS, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS};
 pub use btf_leaf_quantities::Part as LeafPart;
@@ -71,7 +71,8 @@ pub use error::FormatError;
 pub use file::format::{
     Form, Head, MAGIC, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory, read_version,
 };
-pub use file::pack::pack;
+pub use file::coefficient_coding::choose_coefficients;
+pub use file::pack::{pack, packed_len};
 pub use file::resident_file::ResidentFile;
 pub use file::validate::{Report, validate};
 pub use leaf::body::LeafBody;

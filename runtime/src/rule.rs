@@ -139,7 +139,10 @@ rules! { "SPMM"
     // Residuals.
     BASES_TOO_LARGE = 2301, "its bases would take more than 1 GiB when expanded", WRITE;
     RANK = 2302, "a rank is above 256 or a reserved word is not zero", WRITE;
-    SHARED_COUNT = 2303, "it has more than 1024 bases", WRITE;
+    SHARED_COUNT = 2303, "it has more than 1024 bases, or not as many as its coefficients tell", WRITE;
+    GROUP = 2304, "a count of predicted coefficients is out of its range", WRITE;
+    GROUP_EFFORT = 2305, "predicted coefficients ask for more time or memory than their length allows", WRITE;
+    EXPONENT = 2306, "an exponent is above 24", WRITE;
     // Heights, levels and edits.
     HEIGHT_STEP = 2401, "its step is 0", WRITE;
     RELIEF_ALONE = 2402, "its layer lacks heights, the root curve, or lobes as base that coefficients predict", WRITE;

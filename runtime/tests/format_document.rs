@@ -51,6 +51,7 @@ fn example() -> Asset {
         ],
         coefficients: vec![Coefficients { step: 0.25, codes: vec![3, -1, 2, 0, -5, 1] }],
         factors,
+        groups: Vec::new(),
     };
     let upright = |family, params| Lobe { family, normal_xy: [0.0; 2], tangent_rad: 0.0, params };
     let diffuse = DictionaryLobe { lobe: upright(LobeFamily::Lambertian, [0.0; 4]), weight_scale: 1.0 };

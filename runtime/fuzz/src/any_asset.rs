@@ -223,7 +223,7 @@ fn any_residual(source: &mut Source, shape: [usize; 2], clusters: usize, texels:
             codes: source.list(texels, |source| source.byte() as i8),
         })
         .collect();
-    Residual { factors, shared: shared_bases, bases, coefficients }
+    Residual { factors, shared: shared_bases, bases, coefficients, groups: Vec::new() }
 }
 
 fn any_level(source: &mut Source, layer: &Layer, texels: usize) -> LevelTexels {

@@ -175,8 +175,7 @@ impl Asset {
         for layer in &mut asset.layers {
             keep_predicted_lobes(layer, lobes);
             if let Some(residual) = &mut layer.residual {
-                residual.coefficients.truncate(components);
-                residual.bases.truncate(residual.coefficients.len() + 1);
+                residual.truncate(components);
             }
             keep_lobes(&mut layer.texel_lobe_counts, &mut layer.lobe_refs, lobes);
         }
@@ -223,8 +222,7 @@ impl Asset {
             layer.texel_lobe_counts = texels.lobe_counts.clone();
             layer.lobe_refs = texels.lobe_refs.clone();
             if let Some(residual) = &mut layer.residual {
-                residual.bases.truncate(texels.codes.len() + 1);
-                residual.coefficients.truncate(texels.codes.len());
+                residual.truncate(texels.codes.len());
                 let planes = residual.coefficients.iter_mut().zip(&texels.codes);
                 planes.for_each(|(plane, codes)| plane.codes = codes.clone());
             }

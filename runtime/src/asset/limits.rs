@@ -21,6 +21,8 @@ pub const MAX_NODES: usize = 64;
 /// Largest number of lobes that the texels of a layer may refer to by predicted weights together, for each byte of its
 /// cluster ids, dictionary and lobe weights: so no short file takes much memory.
 pub const MAX_REFS_PER_BYTE: usize = 4096;
+/// Largest number of coefficients by which one is predicted.
+pub const MAX_INPUTS: usize = 256;
 /// Largest number of residual components of a layer.
 pub const MAX_COMPONENTS: usize = 128;
 /// Largest number of shared bases of a layer.

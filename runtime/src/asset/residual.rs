@@ -2,6 +2,7 @@
 //! are added. The bases of each cluster are mixtures of shared bases, which are factored over light x view [Tucker
 //! 1966]. Twin: `asset/residual.wgsl`.
 
+use crate::asset::limits::MAX_INPUTS;
 use crate::numeric::power::{from_root, root};
 use half::f16;
 
@@ -164,6 +165,35 @@ pub struct Coefficients {
     pub codes: Vec<i8>,
 }
 
+/// Components whose coefficients are coded together, each predicted from the neighbouring texels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PredictedGroup {
+    /// Number of components.
+    pub components: usize,
+    /// Number of first components of the left, upper, upper left and upper right neighbour by which they are predicted,
+    /// at most those of this and earlier groups.
+    pub inputs: [u8; 4],
+    /// Number of first components of the texel itself by which they are predicted, at most those of earlier groups.
+    pub own: u8,
+}
+
+impl PredictedGroup {
+    /// Returns the number of inputs of a prediction.
+    pub fn input_count(&self) -> usize {
+        self.inputs.iter().map(|count| usize::from(*count)).sum::<usize>() + usize::from(self.own)
+    }
+
+    /// Returns whether a group behind component `first` can be: inputs are decoded before what they predict, and are not
+    /// too many.
+    pub fn is_valid_behind(&self, first: usize) -> bool {
+        let end = first + self.components;
+        self.components > 0
+            && self.inputs.iter().all(|count| usize::from(*count) <= end)
+            && usize::from(self.own) <= first
+            && self.input_count() <= MAX_INPUTS
+    }
+}
+
 /// The residual of a layer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Residual {
@@ -175,9 +205,25 @@ pub struct Residual {
     pub bases: Vec<Basis>,
     /// Coefficients of the components: `coefficients[j - 1]` belongs to `bases[j]`.
     pub coefficients: Vec<Coefficients>,
+    /// Groups of components whose coefficients a file predicts, in order and of all components; none where it codes
+    /// each component by itself.
+    pub groups: Vec<PredictedGroup>,
 }
 
 impl Residual {
+    /// Keeps the first `count` components.
+    pub(crate) fn truncate(&mut self, count: usize) {
+        self.coefficients.truncate(count);
+        self.bases.truncate(self.coefficients.len() + 1);
+        let mut first = 0;
+        self.groups.retain_mut(|group| {
+            group.components = group.components.min(self.coefficients.len() - first);
+            first += group.components;
+            group.inputs = group.inputs.map(|inputs| inputs.min(first as u8));
+            group.components > 0
+        });
+    }
+
     /// Mixes the shared cores into the core of basis `index` in `cluster`, `[channel, view rank, light rank]`.
     ///
     /// Cost: a multiply-add per core value and shared basis with a weight other than 0.
@@ -315,7 +361,7 @@ mod tests {
         let codes = |n: usize, salt: usize| (0..n).map(|i| (100.0 * number(3 * i + salt)) as i16).collect::<Vec<_>>();
         let shared = SharedBases { steps: vec![0.01, 0.002, 0.03], values: codes(3 * factors.core_len(), 7) };
         let bases = vec![Basis { steps: vec![0.02, 0.01], values: codes(6, 8) }];
-        let residual = Residual { factors, shared, bases, coefficients: Vec::new() };
+        let residual = Residual { factors, shared, bases, coefficients: Vec::new(), groups: Vec::new() };
         for cluster in 0..2 {
             let (core, other) = (residual.core(0, cluster), residual.core(0, 1 - cluster));
             let expanded = expand_core(&residual.factors, &core);

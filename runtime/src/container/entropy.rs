@@ -42,12 +42,23 @@ const LEAST: u32 = 512;
 /// Largest number of symbols that one byte can hold; follows from `LEAST`.
 pub(crate) const SYMBOLS_PER_BYTE: usize = 1024;
 
+/// Bits of a decision of the probability `i / 512`, in the middle of its interval.
+static BITS: std::sync::LazyLock<[f32; 513]> =
+    std::sync::LazyLock::new(|| std::array::from_fn(|i| -((i as f32 + 0.5) / 512.0).min(1.0).log2()));
+
 impl Bit {
     pub(crate) const NEW: Bit = Bit { fast: 1 << 15, slow: 1 << 15, seen: 0 };
 
     #[inline(always)]
     fn of_zero(self) -> u32 {
         ((u32::from(self.fast) + u32::from(self.slow)) >> 1).clamp(LEAST, 65536 - LEAST)
+    }
+
+    /// Returns about the bits that `bit` costs.
+    #[inline(always)]
+    pub(crate) fn bits(self, bit: bool) -> f32 {
+        let zero = self.of_zero();
+        BITS[((if bit { 65536 - zero } else { zero }) >> 7) as usize]
     }
 
     #[inline(always)]
@@ -203,7 +214,7 @@ const CONTEXTS: usize = 68;
 
 /// Returns the context of a neighbourhood with the weighted magnitude `sum`.
 #[inline(always)]
-fn context(sum: u32) -> usize {
+pub(crate) fn context(sum: u32) -> usize {
     if sum < 4 {
         return sum as usize;
     }
@@ -293,6 +304,28 @@ where
         }
         std::mem::swap(&mut above2, &mut above);
         std::mem::swap(&mut above, &mut row);
+    }
+    fits
+}
+
+/// Slowest adaption of a column's mean size: by a sixteenth of the difference.
+const COLUMN_SHIFT: u32 = 4;
+
+/// Codes `values` row by row, `width` in a row, where the numbers of a column are alike in size. The decoder fills them.
+/// Magnitudes are at most 65535. Returns false if the decoder met a number that does not fit.
+pub(crate) fn code_columns(coder: &mut impl BinaryCoder, values: &mut [i16], width: usize) -> bool {
+    let (mut model, mut fits) = (Signed::new(), true);
+    // Mean size of each column's numbers, in 64ths.
+    let mut means = vec![0u32; width];
+    for (row, line) in values.chunks_mut(width.max(1)).enumerate() {
+        let shift = (row as u32 + 1).ilog2().min(COLUMN_SHIFT);
+        for (value, mean) in line.iter_mut().zip(&mut means) {
+            let coded = model.code(coder, (*value).into(), *mean / 2, 0);
+            let size = 64 * coded.unsigned_abs();
+            *mean = if size > *mean { *mean + ((size - *mean) >> shift) } else { *mean - ((*mean - size) >> shift) };
+            *value = coded as i16;
+            fits &= i32::from(*value) == coded;
+        }
     }
     fits
 }

@@ -52,6 +52,15 @@ impl<'a> Reader<'a> {
         Ok(all[..count].to_vec())
     }
 
+    /// Reads bytes, which are padded to a whole word.
+    pub(crate) fn padded_bytes(&mut self, count: usize) -> Result<Vec<u8>, FormatError> {
+        let all = self.take(count.next_multiple_of(4))?;
+        if all[count..].iter().any(|byte| *byte != 0) {
+            return self.bad(rule::PADDING);
+        }
+        Ok(all[..count].to_vec())
+    }
+
     /// Reads quantisation steps. Each must be within 0 to `most`.
     pub(crate) fn steps(&mut self, count: usize, most: f32) -> Result<Vec<f32>, FormatError> {
         let steps: Vec<f32> = self.words(count)?.into_iter().map(f32::from_bits).collect();

@@ -97,6 +97,12 @@ pub enum SectionKind {
     LobeWeights = 16,
     /// Corrections between the measured directions that the heights give.
     Relief = 17,
+    /// Coefficients of a group of components, predicted from the neighbouring texels (index from 1).
+    PredictedCoefficients = 18,
+    /// A part of the cores of the bases that all clusters share (index from 0), where coefficients are predicted.
+    SharedBasesPart = 19,
+    /// Factor matrices as codes, where coefficients are predicted.
+    FactorCodes = 20,
 }
 
 impl SectionKind {
@@ -121,6 +127,9 @@ impl SectionKind {
             Words,
             LobeWeights,
             Relief,
+            PredictedCoefficients,
+            SharedBasesPart,
+            FactorCodes,
         ]
         .into_iter()
         .find(|known| *known as u32 == kind)

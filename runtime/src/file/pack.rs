@@ -13,11 +13,13 @@ use crate::asset::limits::{
 use crate::asset::lobe::Lobe;
 use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::relief::Relief;
-use crate::asset::residual::{Coefficients, Residual};
+use crate::asset::residual::{Coefficients, Factors, PredictedGroup, Residual};
 use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
 use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::FormatError;
+use crate::file::coefficient_coding::{CoefficientFrame, encode_groups};
 use crate::file::format::{Form, Head, SectionKind, Spmm, in_mm_range};
+use crate::file::residual_coding::{FactorCodes, shared_stream};
 use crate::file::texel_coding::{MAX_FRESH, code_clusters, code_counts, code_refs, encode_refs};
 use half::f16;
 
@@ -40,7 +42,37 @@ fn push_halves(bytes: &mut Vec<u8>, halves: &[f16]) {
 /// layers, both component by component, each of which ends a tier; then the levels, which end one tier together. Errors
 /// name the rule of format.md that the asset breaks.
 pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
+    check(asset)?;
+    let streams_of = |layer: &Layer| match &layer.residual {
+        Some(residual) => encode_groups(residual, asset.width, &layer.texel_clusters),
+        None => Vec::new(),
+    };
+    let streams: Vec<Vec<Vec<u8>>> = asset.layers.iter().map(streams_of).collect();
+    for (layer, streams) in asset.layers.iter().zip(&streams) {
+        check_effort(layer, asset.width, streams)?;
+    }
+    write(asset, &streams)
+}
+
+/// Returns the number of bytes of an asset whose predicted coefficients take `group_bytes` bytes, `[layer][group]`: what
+/// [`crate::choose_coefficients`] tells.
+///
+/// # Errors
+/// Those of [`pack`].
+pub fn packed_len(asset: &Asset, group_bytes: &[Vec<usize>]) -> Result<usize, FormatError> {
+    check(asset)?;
+    let empty = |groups: &Vec<usize>| groups.iter().map(|bytes| vec![0; *bytes]).collect();
+    Ok(write(asset, &group_bytes.iter().map(empty).collect::<Vec<_>>())?.len())
+}
+
+/// Checks everything but what depends on streams.
+fn check(asset: &Asset) -> Result<(), FormatError> {
     check_head(asset)?;
+    asset.layers.iter().try_for_each(|layer| check_layer(layer, asset.texel_count()))
+}
+
+/// Writes an asset; `streams` are those of predicted coefficients, `[layer][group]`.
+fn write(asset: &Asset, streams: &[Vec<Vec<u8>>]) -> Result<Vec<u8>, FormatError> {
     let mut sections = vec![SectionSource {
         kind: SectionKind::Material,
         layer: 0,
@@ -54,13 +86,13 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
     }
     let last = asset.layers.len() - 1;
     for (number, layer) in asset.layers.iter().enumerate() {
-        check_layer(layer, asset.texel_count())?;
         push_base_sections(&mut sections, layer, asset.width, number as u32, number == last);
     }
+    push_predicted(&mut sections, asset, streams);
     for index in 1..=asset.layers.iter().map(lobe_inputs).max().unwrap_or(0) {
         push_lobe_inputs(&mut sections, asset, index);
     }
-    let deepest = asset.layers.iter().filter_map(|layer| layer.residual.as_ref()).map(|r| r.bases.len()).max();
+    let deepest = asset.layers.iter().filter_map(plain_residual).map(|r| r.bases.len()).max();
     for index in 0..deepest.unwrap_or(0) {
         for (number, layer) in asset.layers.iter().enumerate() {
             push_residual_sections(&mut sections, layer, asset.width, number as u32, index);
@@ -82,7 +114,10 @@ pub fn pack(asset: &Asset) -> Result<Vec<u8>, FormatError> {
         }
     }
     // A layer with relief has lobes as base.
-    let is_new = |layer: &Layer| layer.lobe_role == LobeRole::Base || layer.lobe_weights.is_some();
+    let is_new = |layer: &Layer| {
+        let predicted = layer.residual.as_ref().is_some_and(|residual| !residual.groups.is_empty());
+        layer.lobe_role == LobeRole::Base || layer.lobe_weights.is_some() || predicted
+    };
     let head = Head {
         version: if asset.layers.iter().any(is_new) { 2 } else { 1 },
         form: Form::File,
@@ -233,6 +268,16 @@ fn check_residual(residual: &Residual, layer: &Layer, texels: usize) -> Result<(
         if !steps_fit(&basis.steps, MAX_BASIS_STEP) {
             return refuse("a basis' step is out of range");
         }
+    }
+    let mut first = 0;
+    for group in &residual.groups {
+        if !group.is_valid_behind(first) {
+            return refuse("a group of predicted coefficients has no component, or inputs that are not decoded before it");
+        }
+        first += group.components;
+    }
+    if !residual.groups.is_empty() && first != residual.coefficients.len() {
+        return refuse("the groups of predicted coefficients are not all components");
     }
     for plane in &residual.coefficients {
         if plane.codes.len() != texels || !steps_fit(&[plane.step], MAX_COEFFICIENT_STEP) {
@@ -391,43 +436,160 @@ fn push_residual_sections(
     number: u32,
     index: usize,
 ) {
-    let Some(residual) = &layer.residual else {
+    let Some(residual) = plain_residual(layer) else {
         return;
     };
-    let Some(basis) = residual.bases.get(index) else {
+    if index >= residual.bases.len() {
         return;
-    };
+    }
     let mut push = |kind, index: usize, bytes: Vec<u8>| {
         sections.push(SectionSource { kind, layer: number, index: index as u32, bytes, ends_tier: false });
     };
     let bits = |steps: &[f32]| steps.iter().map(|step| step.to_bits()).collect::<Vec<u32>>();
     let factors = &residual.factors;
     if index == 0 {
-        let mut words: Vec<u32> = factors.ranks.iter().flatten().map(|rank| *rank as u32).collect();
-        words.extend([0, 0]);
-        let mut bytes = bytes_from_words(&words);
-        for channel in 0..3 {
-            push_halves(&mut bytes, &factors.view[channel]);
-            push_halves(&mut bytes, &factors.light[channel]);
-        }
-        push(SectionKind::Factors, 0, bytes);
+        push(SectionKind::Factors, 0, factor_bytes(factors));
         let mut bytes = bytes_from_words(&[residual.shared.steps.len() as u32]);
         bytes.extend(bytes_from_words(&bits(&residual.shared.steps)));
         bytes.extend(encode_plane(&residual.shared.values, factors.core_len()));
         push(SectionKind::SharedBases, 0, bytes);
     }
-    let mut bytes = bytes_from_words(&bits(&basis.steps));
-    bytes.extend(encode_plane(&basis.values, residual.shared.steps.len()));
-    push(SectionKind::Basis, index, bytes);
+    push(SectionKind::Basis, index, basis_bytes(residual, index));
     // Coefficients that lobes depend on are there already.
     if let Some(component) = index.checked_sub(1).filter(|component| *component >= lobe_inputs(layer)) {
         push(SectionKind::Coefficients, index, coefficient_bytes(&residual.coefficients[component], width));
     }
 }
 
-/// Returns the number of components that predicted lobes depend on.
+/// Returns the bytes of a Factors section.
+fn factor_bytes(factors: &Factors) -> Vec<u8> {
+    let mut bytes = rank_bytes(factors);
+    for channel in 0..3 {
+        push_halves(&mut bytes, &factors.view[channel]);
+        push_halves(&mut bytes, &factors.light[channel]);
+    }
+    bytes
+}
+
+fn rank_bytes(factors: &Factors) -> Vec<u8> {
+    let mut words: Vec<u32> = factors.ranks.iter().flatten().map(|rank| *rank as u32).collect();
+    words.extend([0, 0]);
+    bytes_from_words(&words)
+}
+
+/// Returns the bytes of a Basis section.
+fn basis_bytes(residual: &Residual, index: usize) -> Vec<u8> {
+    let basis = &residual.bases[index];
+    let mut bytes = bytes_from_words(&basis.steps.iter().map(|step| step.to_bits()).collect::<Vec<u32>>());
+    bytes.extend(encode_plane(&basis.values, residual.shared.steps.len()));
+    bytes
+}
+
+/// Returns the residual of a layer whose components are coded by themselves.
+fn plain_residual(layer: &Layer) -> Option<&Residual> {
+    layer.residual.as_ref().filter(|residual| residual.groups.is_empty())
+}
+
+/// Pushes the residuals whose coefficients are predicted. Tiers: the first group with its bases, by which lobes vary; the
+/// factors and the first shared bases; the other shared bases; each other group with its bases.
+fn push_predicted(sections: &mut Vec<SectionSource<SectionKind>>, asset: &Asset, streams: &[Vec<Vec<u8>>]) {
+    let predicted = |layer: &Layer| layer.residual.as_ref().filter(|residual| !residual.groups.is_empty()).cloned();
+    let residuals: Vec<Option<Residual>> = asset.layers.iter().map(predicted).collect();
+    let groups = residuals.iter().flatten().map(|residual| residual.groups.len()).max().unwrap_or(0);
+    let mut tier = |kinds: &dyn Fn(&Residual, usize) -> Vec<(SectionKind, usize, Vec<u8>)>| {
+        for (number, residual) in residuals.iter().enumerate() {
+            for (kind, index, bytes) in residual.iter().flat_map(|residual| kinds(residual, number)) {
+                let (layer, index) = (number as u32, index as u32);
+                sections.push(SectionSource { kind, layer, index, bytes, ends_tier: false });
+            }
+        }
+        if let Some(section) = sections.last_mut() {
+            section.ends_tier = true;
+        }
+    };
+    for index in 0..groups {
+        tier(&|residual, layer| {
+            let Some(group) = residual.groups.get(index) else { return Vec::new() };
+            let first: usize = residual.groups[..index].iter().map(|group| group.components).sum();
+            let bases = if index == 0 { 0 } else { first + 1 }..first + group.components + 1;
+            let bases = bases.map(|j| (SectionKind::Basis, j, basis_bytes(residual, j)));
+            let bytes = group_bytes(residual, (group, first), &streams[layer][index]);
+            bases.chain([(SectionKind::PredictedCoefficients, index + 1, bytes)]).collect()
+        });
+        if index == 0 {
+            tier(&|residual, _| {
+                let factors = &residual.factors;
+                let codes = FactorCodes::of(factors).map(|codes| factor_code_bytes(factors, codes));
+                let factors = match codes {
+                    Some(bytes) => (SectionKind::FactorCodes, 0, bytes),
+                    None => (SectionKind::Factors, 0, factor_bytes(factors)),
+                };
+                vec![factors, (SectionKind::SharedBasesPart, 0, shared_bytes(residual, 0))]
+            });
+            tier(&|residual, _| vec![(SectionKind::SharedBasesPart, 1, shared_bytes(residual, 1))]);
+        }
+    }
+}
+
+/// Returns the bytes of a PredictedCoefficients section.
+fn group_bytes(residual: &Residual, (group, first): (&PredictedGroup, usize), stream: &[u8]) -> Vec<u8> {
+    let [left, above, above_left, above_right] = group.inputs.map(u32::from);
+    let shared = residual.shared.steps.len() as u32;
+    let components = group.components as u32;
+    let mut words = vec![shared, components, left, above, above_left, above_right, group.own.into()];
+    words.extend(residual.coefficients[first..first + group.components].iter().map(|plane| plane.step.to_bits()));
+    [&bytes_from_words(&words), stream].concat()
+}
+
+/// Returns the bytes of a FactorCodes section.
+fn factor_code_bytes(factors: &Factors, mut codes: FactorCodes) -> Vec<u8> {
+    let mut bytes = rank_bytes(factors);
+    bytes.extend(&codes.exponents);
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    bytes.extend(coded(|coder| {
+        codes.code(coder, factors.shape);
+    }));
+    bytes
+}
+
+/// Number of shared bases of the first part: enough for a picture of the means.
+const FIRST_SHARED: usize = 48;
+
+/// Returns the bytes of a SharedBasesPart section: of the first shared bases or of the others.
+fn shared_bytes(residual: &Residual, part: usize) -> Vec<u8> {
+    let (shared, core) = (&residual.shared, residual.factors.core_len());
+    let first = FIRST_SHARED.min(shared.steps.len());
+    let of_part = if part == 0 { 0..first } else { first..shared.steps.len() };
+    let mut words = vec![of_part.len() as u32];
+    words.extend(shared.steps[of_part.clone()].iter().map(|step| step.to_bits()));
+    let mut bytes = bytes_from_words(&words);
+    bytes.extend(shared_stream(&shared.values[of_part.start * core..of_part.end * core], core));
+    bytes
+}
+
+/// Checks that predicted coefficients do not ask for more time and memory than their streams allow.
+fn check_effort(layer: &Layer, width: usize, streams: &[Vec<u8>]) -> Result<(), FormatError> {
+    let Some(residual) = &layer.residual else { return Ok(()) };
+    let mut first = 0;
+    for (group, stream) in residual.groups.iter().zip(streams) {
+        let frame = CoefficientFrame {
+            width,
+            texel_clusters: &layer.texel_clusters,
+            bases: &residual.bases,
+            steps: &[],
+            components: residual.coefficients.len(),
+        };
+        if !frame.allows(group, first, stream.len()) {
+            return refuse("a group of predicted coefficients has more inputs than its length allows; use fewer");
+        }
+        first += group.components;
+    }
+    Ok(())
+}
+
+/// Returns the number of components that predicted lobes depend on and that are coded by themselves.
 fn lobe_inputs(layer: &Layer) -> usize {
-    let components = layer.residual.as_ref().map_or(0, |residual| residual.coefficients.len());
+    let components = plain_residual(layer).map_or(0, |residual| residual.coefficients.len());
     layer.lobe_weights.as_ref().map_or(0, |weights| weights.units.len().min(components))
 }
 

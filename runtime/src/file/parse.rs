@@ -13,14 +13,16 @@ use crate::asset::limits::{
 use crate::asset::lobe::{FILE_WORDS, Lobe};
 use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::relief::Relief;
-use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
+use crate::asset::residual::{Basis, Coefficients, Factors, PredictedGroup, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
 use crate::container::directory::{Directory, read_directory_of};
-use crate::container::entropy::{Decoder, Signed, bounded, code_plane};
+use crate::container::entropy::{Decoder, Signed, bounded, code_columns, code_plane};
 use crate::container::fault::Faults;
 use crate::container::sections::{Reader, Sections};
 use crate::error::FormatError;
+use crate::file::coefficient_coding::{CoefficientFrame, Given, code_group};
 use crate::file::format::{Form, Head, SectionKind, Spmm};
+use crate::file::residual_coding::{FactorCodes, MAX_EXPONENT};
 use crate::file::texel_coding::{code_clusters, code_counts, code_refs};
 use crate::rule;
 use crate::threads::{Threads, map, serial};
@@ -167,10 +169,18 @@ fn read_layer(
         }
         _ => None,
     };
-    let residual = match (&parameters, &lights, &views) {
-        (Some(parameters), Some(lights), Some(views)) if parameters.has_residual => {
+    let mut parts = None;
+    let residual = match (&parameters, &lights, &views, &texel_clusters) {
+        (Some(parameters), Some(lights), Some(views), Some(ids)) if parameters.has_residual => {
             let shape = [views.len(), lights.len()];
-            read_residual(sections, layer, [width, height], parameters, shape, threads, faults)
+            if sections.find(SectionKind::PredictedCoefficients, layer, 1).is_some() {
+                parts = read_predicted(sections, layer, (ids, width), parameters, threads, faults);
+                parts.as_ref().and_then(|parts| {
+                    read_predicted_residual(sections, layer, parts, parameters, shape, threads, faults)
+                })
+            } else {
+                read_residual(sections, layer, [width, height], parameters, shape, threads, faults)
+            }
         }
         _ => None,
     };
@@ -199,7 +209,8 @@ fn read_layer(
     };
     if let Some((weights, nodes)) = lobe_weights {
         let most = if has_residual { components } else { 0 };
-        add_lobe_weights(sections, number, &mut layer, (weights, nodes), most, [width, height], faults)?;
+        let at_hand = parts.map(|parts| parts.coefficients);
+        add_lobe_weights(sections, number, &mut layer, (weights, nodes), (most, at_hand), [width, height], faults)?;
     }
     if layer.relief.is_some() && !layer.may_have_relief() {
         return faults.keep(sections.find(SectionKind::Relief, number, 0)?.bad(rule::RELIEF_ALONE));
@@ -208,20 +219,25 @@ fn read_layer(
 }
 
 /// Adds lobe weights to layer `number`, and the references that follow from them to one without references. The layer
-/// has `components` components in the whole file. `None` if anything is at fault.
+/// has `components` components in the whole file; `predicted` are the coefficients at hand where they are predicted. `None`
+/// if anything is at fault.
 fn add_lobe_weights(
     sections: &Sections<Spmm>,
     number: u32,
     layer: &mut Layer,
     (mut weights, nodes): (LobeWeights, Nodes),
-    components: usize,
+    (components, predicted): (usize, Option<Vec<Coefficients>>),
     grid: [usize; 2],
     faults: &mut Faults,
 ) -> Option<()> {
     let most = weights.units.len().min(components);
     // A residual of fewer components lacks coefficients that are there already.
     let has_all = layer.residual.as_ref().is_some_and(|residual| residual.coefficients.len() >= most);
-    let read = if has_all { None } else { Some(read_lobe_inputs(sections, number, grid, most, faults)?) };
+    let read = match predicted {
+        _ if has_all => None,
+        Some(predicted) => Some(predicted),
+        None => Some(read_lobe_inputs(sections, number, grid, most, faults)?),
+    };
     let planes = match &read {
         Some(inputs) => inputs.iter().map(|plane| plane.codes.as_slice()).collect(),
         None => layer.coefficient_planes(),
@@ -538,7 +554,220 @@ fn read_residual(
             None => {}
         }
     }
-    Some(Residual { factors, shared: SharedBases { steps, values }, bases, coefficients })
+    Some(Residual { factors, shared: SharedBases { steps, values }, bases, coefficients, groups: Vec::new() })
+}
+
+/// The groups of predicted coefficients at hand, with their bases.
+struct PredictedParts {
+    /// Number of shared bases in the whole file.
+    shared: usize,
+    groups: Vec<PredictedGroup>,
+    bases: Vec<Basis>,
+    coefficients: Vec<Coefficients>,
+}
+
+/// What a PredictedCoefficients section begins with.
+struct GroupHead {
+    group: PredictedGroup,
+    steps: Vec<f32>,
+}
+
+/// Reads the head of the group behind component `first`, and the number of shared bases.
+fn read_group_head(reader: &mut Reader, first: usize) -> Result<(usize, GroupHead), FormatError> {
+    let words = reader.words(7)?;
+    let narrow = |word: u32| u8::try_from(word).ok();
+    let inputs = [2, 3, 4, 5].map(|at| narrow(words[at]));
+    let (shared, components) = (words[0] as usize, words[1] as usize);
+    let ([Some(left), Some(above), Some(above_left), Some(above_right)], Some(own)) = (inputs, narrow(words[6])) else {
+        return reader.bad(rule::GROUP);
+    };
+    let group = PredictedGroup { components, inputs: [left, above, above_left, above_right], own };
+    if shared > MAX_SHARED || components > MAX_COMPONENTS || !group.is_valid_behind(first) {
+        return reader.bad(rule::GROUP);
+    }
+    let steps = reader.steps(components, MAX_COEFFICIENT_STEP)?;
+    Ok((shared, GroupHead { group, steps }))
+}
+
+/// Reads the groups of predicted coefficients that are at hand with their bases, one after the other; `None` if anything
+/// is at fault.
+fn read_predicted(
+    sections: &Sections<Spmm>,
+    layer: u32,
+    (texel_clusters, width): (&[u8], usize),
+    parameters: &Parameters,
+    threads: Threads,
+    faults: &mut Faults,
+) -> Option<PredictedParts> {
+    let (before, components) = (faults.len(), parameters.components);
+    let (mut heads, mut first, mut shared) = (Vec::new(), 0, 0);
+    let mut basis_readers = Vec::new();
+    while first < components {
+        let index = heads.len() as u32 + 1;
+        let reader = sections.get_in_tier(SectionKind::PredictedCoefficients, layer, index, faults);
+        let Some(mut reader) = reader else { break };
+        let (of_group, head) = faults.keep(read_group_head(&mut reader, first))?;
+        let end = first + head.group.components;
+        if end > components || (index > 1 && of_group != shared) {
+            return faults.keep(reader.bad(rule::GROUP));
+        }
+        shared = of_group;
+        let bases = basis_readers.len()..end + 1;
+        let own = bases.map_while(|j| sections.get_in_tier(SectionKind::Basis, layer, j as u32, faults));
+        let own: Vec<Reader> = own.collect();
+        if basis_readers.len() + own.len() <= end {
+            break;
+        }
+        basis_readers.extend(own);
+        heads.push((head, reader));
+        first = end;
+    }
+    let bases = map(threads, basis_readers.len(), |j| -> Result<Basis, FormatError> {
+        let mut reader = basis_readers[j].clone();
+        let steps = reader.steps(parameters.clusters, MAX_BASIS_STEP)?;
+        Ok(Basis { steps, values: reader.plane(parameters.clusters * shared, shared)? })
+    });
+    let bases: Vec<Basis> = bases.into_iter().filter_map(|basis| faults.keep(basis)).collect();
+    // A texel of a cluster that is not there was told already.
+    if faults.len() > before || bases.is_empty() {
+        return None;
+    }
+    let steps: Vec<f32> = heads.iter().flat_map(|(head, _)| head.steps.iter().copied()).collect();
+    let frame = |components| CoefficientFrame {
+        width,
+        texel_clusters,
+        bases: &bases[..=components],
+        steps: &steps[..components],
+        components: steps.len(),
+    };
+    let mut codes = Vec::new();
+    let mut first = 0;
+    for (head, reader) in &mut heads {
+        let frame = frame(first + head.group.components);
+        let coded = read_group(reader.clone(), &frame, (&head.group, first), &mut codes);
+        faults.keep(coded)?;
+        first += head.group.components;
+    }
+    let plane = |(j, step): (usize, &f32)| {
+        Coefficients { step: *step, codes: codes.iter().skip(j).step_by(steps.len()).copied().collect() }
+    };
+    let coefficients = steps.iter().enumerate().map(plane).collect();
+    Some(PredictedParts { shared, groups: heads.iter().map(|(head, _)| head.group).collect(), bases, coefficients })
+}
+
+/// Reads the stream of a group. `codes` are those of all components at hand, `[texel][component]`, or none yet.
+fn read_group(
+    mut reader: Reader,
+    frame: &CoefficientFrame,
+    (group, first): (&PredictedGroup, usize),
+    codes: &mut Vec<i8>,
+) -> Result<(), FormatError> {
+    let bytes = reader.take(reader.bytes.len())?;
+    let texels = frame.texel_clusters.len();
+    bounded(texels * group.components, bytes).or_else(|reason| reader.bad(reason))?;
+    if !frame.allows(group, first, bytes.len()) {
+        return reader.bad(rule::GROUP_EFFORT);
+    }
+    codes.resize(texels * frame.components, 0);
+    let mut decoder = Decoder::new(bytes);
+    let mut given = Given { codes: &[], components: 0 };
+    let fits = code_group(&mut decoder, &mut given, frame, (group, first), codes);
+    decoder.ended().or_else(|reason| reader.bad(reason))?;
+    if fits { Ok(()) } else { reader.bad(rule::NUMBER) }
+}
+
+/// Reads what a residual with predicted coefficients has beside them; `None` where the tier at hand ends before it, or
+/// anything is at fault. Mixtures lack the shared bases that the tier lacks.
+fn read_predicted_residual(
+    sections: &Sections<Spmm>,
+    layer: u32,
+    parts: &PredictedParts,
+    parameters: &Parameters,
+    shape: [usize; 2],
+    threads: Threads,
+    faults: &mut Faults,
+) -> Option<Residual> {
+    let before = faults.len();
+    let as_codes = sections.find(SectionKind::FactorCodes, layer, 0);
+    let factors = match as_codes {
+        Some(reader) => faults.keep(read_factor_codes(reader, shape)),
+        None => {
+            let reader = sections.get_in_tier(SectionKind::Factors, layer, 0, faults);
+            reader.and_then(|reader| faults.keep(read_factors(reader, shape)))
+        }
+    };
+    if let Some(reader) = sections.find(SectionKind::SharedBasesPart, layer, 0)
+        && basis_words(shape, parameters.clusters, parameters.components + 1) > MAX_BASIS_WORDS
+    {
+        return faults.keep(reader.bad(rule::BASES_TOO_LARGE));
+    }
+    let readers: Vec<Reader> = (0..2)
+        .map_while(|index| sections.get_in_tier(SectionKind::SharedBasesPart, layer, index, faults))
+        .collect();
+    let factors = factors?;
+    let core = factors.core_len();
+    let read = map(threads, readers.len(), |index| read_shared_part(readers[index].clone(), parts.shared, core));
+    let read: Vec<SharedBases> = read.into_iter().filter_map(|part| faults.keep(part)).collect();
+    if faults.len() > before || read.is_empty() {
+        return None;
+    }
+    let mut shared = SharedBases { steps: Vec::new(), values: Vec::new() };
+    for part in read {
+        shared.steps.extend(part.steps);
+        shared.values.extend(part.values);
+    }
+    if shared.steps.len() > parts.shared || (sections.whole && shared.steps.len() < parts.shared) {
+        return faults.keep(readers[0].bad(rule::SHARED_COUNT));
+    }
+    let PredictedParts { groups, bases, coefficients, .. } = parts;
+    let (groups, mut bases, coefficients) = (groups.clone(), bases.clone(), coefficients.clone());
+    for basis in &mut bases {
+        let rows = basis.values.chunks_exact(parts.shared.max(1));
+        basis.values = rows.flat_map(|row| &row[..shared.steps.len()]).copied().collect();
+    }
+    Some(Residual { factors, shared, bases, coefficients, groups })
+}
+
+fn read_shared_part(mut reader: Reader, most: usize, core: usize) -> Result<SharedBases, FormatError> {
+    let count = reader.words(1)?[0] as usize;
+    if count > most {
+        return reader.bad(rule::SHARED_COUNT);
+    }
+    let steps = reader.steps(count, MAX_BASIS_STEP)?;
+    let bytes = reader.take(reader.bytes.len())?;
+    bounded(count * core, bytes).or_else(|reason| reader.bad(reason))?;
+    let mut values = vec![0i16; count * core];
+    let mut decoder = Decoder::new(bytes);
+    let fits = code_columns(&mut decoder, &mut values, core);
+    decoder.ended().or_else(|reason| reader.bad(reason))?;
+    if fits { Ok(SharedBases { steps, values }) } else { reader.bad(rule::NUMBER) }
+}
+
+fn read_ranks(reader: &mut Reader) -> Result<[[usize; 2]; 3], FormatError> {
+    let words = reader.words(8)?;
+    let ranks = [0, 1, 2].map(|c| [words[2 * c] as usize, words[2 * c + 1] as usize]);
+    if ranks.iter().flatten().any(|rank| *rank > MAX_RANK) || words[6] | words[7] != 0 {
+        return reader.bad(rule::RANK);
+    }
+    Ok(ranks)
+}
+
+fn read_factor_codes(mut reader: Reader, shape: [usize; 2]) -> Result<Factors, FormatError> {
+    let ranks = read_ranks(&mut reader)?;
+    let count: usize = ranks.iter().flatten().sum();
+    let exponents = reader.padded_bytes(count)?;
+    if exponents.iter().any(|exponent| *exponent > MAX_EXPONENT) {
+        return reader.bad(rule::EXPONENT);
+    }
+    let bytes = reader.take(reader.bytes.len())?;
+    let numbers = ranks.iter().map(|[rv, rl]| rv * shape[0] + rl * shape[1]).sum();
+    bounded(numbers, bytes).or_else(|reason| reader.bad(reason))?;
+    let matrices = ranks.map(|rank| [0, 1].map(|side| vec![0i16; rank[side] * shape[side]]));
+    let mut codes = FactorCodes { exponents, matrices };
+    let mut decoder = Decoder::new(bytes);
+    let fits = codes.code(&mut decoder, shape);
+    decoder.ended().or_else(|reason| reader.bad(reason))?;
+    if fits { Ok(codes.factors(shape, ranks)) } else { reader.bad(rule::NUMBER) }
 }
 
 /// Finds the sections of a residual's mean and components that are at hand: the basis of each, and the coefficients of
@@ -567,11 +796,7 @@ fn components_at_hand<'a>(
 }
 
 fn read_factors(mut reader: Reader, shape: [usize; 2]) -> Result<Factors, FormatError> {
-    let words = reader.words(8)?;
-    let ranks = [0, 1, 2].map(|c| [words[2 * c] as usize, words[2 * c + 1] as usize]);
-    if ranks.iter().flatten().any(|rank| *rank > MAX_RANK) || words[6] | words[7] != 0 {
-        return reader.bad(rule::RANK);
-    }
+    let ranks = read_ranks(&mut reader)?;
     let mut view = [const { Vec::new() }; 3];
     let mut light = [const { Vec::new() }; 3];
     for channel in 0..3 {

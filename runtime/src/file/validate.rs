@@ -174,6 +174,7 @@ fn is_read(asset: &Asset, [kind, layer, index]: [u32; 3]) -> bool {
     use SectionKind::*;
     let of_layer = &asset.layers[layer as usize];
     let bases = of_layer.residual.as_ref().map_or(0, |residual| residual.bases.len() as u32);
+    let groups = of_layer.residual.as_ref().map_or(0, |residual| residual.groups.len() as u32);
     match SectionKind::from_number(kind) {
         None => true,
         Some(Material | Edits) => layer == 0 && index == 0,
@@ -181,7 +182,9 @@ fn is_read(asset: &Asset, [kind, layer, index]: [u32; 3]) -> bool {
             index == 0
         }
         Some(Directions) => index < 2,
-        Some(Factors | SharedBases) => index == 0 && bases > 0,
+        Some(Factors | SharedBases | FactorCodes) => index == 0 && bases > 0,
+        Some(SharedBasesPart) => index < 2 && groups > 0,
+        Some(PredictedCoefficients) => index > 0 && index <= groups,
         Some(Basis) => index < bases,
         Some(Coefficients) => index > 0 && index < bases,
         Some(Level) => index > 0 && index as usize <= asset.levels.len(),

@@ -169,7 +169,7 @@ fn sample_residual(random: &mut Random, shape: [usize; 2], texels: usize, kind: 
             Coefficients { step: 0.7 / most as f32, codes }
         })
         .collect();
-    Residual { factors, shared, bases, coefficients }
+    Residual { factors, shared, bases, coefficients, groups: Vec::new() }
 }
 
 /// Returns a small asset whose bases would take more than 1 GiB when expanded with some more components than its four:
