@@ -1,6 +1,7 @@
 //! The asset of prepared layers whose residuals are quantised with one step.
 
 use crate::pipeline::prepare_layer::PreparedLayer;
+use crate::stages::encode::Coding;
 use btf_runtime::{Asset, Layer};
 
 /// An asset with its predicted error.
@@ -9,16 +10,25 @@ pub struct Assembled {
     pub asset: Asset,
     /// Predicted sum of squared errors over all samples of all layers, in the residual's curve.
     pub error: f64,
+    /// Number of bytes of each group of predicted coefficients, `[layer][group]`.
+    pub group_bytes: Vec<Vec<usize>>,
 }
 
 /// Quantises the residuals of all `layers` with `step` and at most `most_components` components; `[width, height]` is
 /// the grid of texels.
-pub fn assemble(layers: &[PreparedLayer], step: f64, [width, height]: [usize; 2], most_components: usize) -> Assembled {
-    let mut error = 0.0;
+pub fn assemble(
+    layers: &[PreparedLayer],
+    step: f64,
+    [width, height]: [usize; 2],
+    most_components: usize,
+    coding: Coding,
+) -> Assembled {
+    let (mut error, mut group_bytes) = (0.0, Vec::new());
     let layers = layers
         .iter()
         .map(|prepared| {
-            let encoded = prepared.model.encode(step, most_components);
+            let encoded = prepared.model.encode(step, most_components, coding);
+            group_bytes.push(encoded.group_bytes);
             error += encoded.error;
             let mut layer = Layer { residual: Some(encoded.residual), ..prepared.layer.clone() };
             if let Some(weights) = &prepared.lobe_weights {
@@ -40,6 +50,7 @@ pub fn assemble(layers: &[PreparedLayer], step: f64, [width, height]: [usize; 2]
             edits: Default::default(),
         },
         error,
+        group_bytes,
     }
 }
 

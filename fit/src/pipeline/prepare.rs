@@ -3,6 +3,7 @@
 use crate::error::FitError;
 use crate::input::tile_cache::{DecodedImages, TileCache};
 use crate::monitor::Monitor;
+use crate::stages::encode::Coding;
 use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{assemble, greatest_coefficient};
 use crate::pipeline::choose_error::with_chosen_error;
@@ -60,7 +61,7 @@ impl PreparedFit {
     /// Returns the asset, without description, whose residuals are quantised with `step` and have at most `components`
     /// components.
     pub fn asset(&self, step: f64, components: usize) -> Asset {
-        assemble(&self.layers, step, self.grid, components).asset
+        assemble(&self.layers, step, self.grid, components, Coding::Predicted).asset
     }
 
     /// Returns the size of the greatest coefficient: steps are told relative to it.

@@ -9,10 +9,15 @@ use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{Assembled, assemble};
 use crate::pipeline::description::description_bytes;
 use crate::pipeline::prepare::PreparedFit;
-use crate::stages::budget::{Candidate, SEARCH_ROUNDS, within_bytes};
+use crate::stages::budget::{Candidate, SEARCH_ROUNDS, Start, within_bytes};
+use crate::stages::encode::Coding;
 use btf_capture::Capture;
-use btf_runtime::{Asset, MAX_COMPONENTS, pack};
+use btf_runtime::{Asset, MAX_COMPONENTS, packed_len};
 
+/// Bytes of an asset with predicted coefficients relative to one without, of the same step, roughly.
+const PREDICTED_SHARE: f64 = 0.78;
+/// Evaluations with predicted coefficients that a size gets at most.
+const PREDICTED_ROUNDS: usize = 6;
 /// Rounds of encoding and measurement that a PSNR goal gets.
 const PSNR_ROUNDS: usize = 8;
 /// How far above a PSNR goal the figure over a share of the pairs must lie, so that the figure over all pairs reaches
@@ -42,28 +47,35 @@ impl StepSearch<'_> {
     /// # Errors
     /// [`FitError::Budget`] if even the coarsest step gives more.
     pub fn within_bytes(&self, bytes: usize) -> Result<Asset, FitError> {
+        let greatest = self.prepared.greatest_coefficient();
+        let most = self.params.components().unwrap_or(MAX_COMPONENTS);
         let mut round = 0;
-        let mut search = |components: Option<usize>| {
-            within_bytes(bytes, self.prepared.greatest_coefficient(), |step| {
-                self.monitor.report("encode", round, 2 * SEARCH_ROUNDS)?;
+        let mut search = |limit: usize, coding: Coding, most: usize, start: Start| {
+            within_bytes(limit, greatest, start, |step| {
+                self.monitor.report("encode", round, SEARCH_ROUNDS + PREDICTED_ROUNDS)?;
                 round += 1;
-                let made = self.assemble_with(step, components.unwrap_or(MAX_COMPONENTS));
-                Ok::<_, FitError>(Candidate { bytes: pack(&made.asset)?.len(), value: made })
+                let made = self.assemble_with(step, most, coding);
+                let bytes = packed_len(&made.asset, &made.group_bytes)?;
+                Ok::<_, FitError>(Candidate { bytes, value: (step, made) })
             })
         };
-        let mut found = search(self.params.components())?;
+        // A draft of another size tells about where the step lies.
+        let drafted = search((bytes as f64 / PREDICTED_SHARE) as usize, Coding::Draft, most, Start::default())?;
+        let exponent = drafted.map_or(f64::INFINITY, |draft| (draft.value.0 / greatest.max(1e-12)).log2());
+        let start = Start { exponent, rounds: PREDICTED_ROUNDS };
+        let mut found = search(bytes, Coding::Predicted, most, start)?;
         // A component more is a jump in size: what is left in front of it goes to a smaller step.
         if let Ok(best) = &mut found {
-            let residuals = best.value.asset.layers.iter().flat_map(|layer| &layer.residual);
+            let residuals = best.value.1.asset.layers.iter().flat_map(|layer| &layer.residual);
             let components = residuals.map(|residual| residual.coefficients.len()).max().unwrap_or(0);
             if best.bytes < bytes - bytes / 50
-                && let Ok(other) = search(Some(components))?
-                && other.value.error < best.value.error
+                && let Ok(other) = search(bytes, Coding::Predicted, components, start)?
+                && other.value.1.error < best.value.1.error
             {
                 *best = other;
             }
         }
-        found.map(|best| best.value.asset).map_err(|least| self.too_small(least))
+        found.map(|best| best.value.1.asset).map_err(|least| self.too_small(least))
     }
 
     /// Says that even `least` bytes and the description are more than is allowed, and what to do.
@@ -83,8 +95,7 @@ impl StepSearch<'_> {
     /// [`FitError::Budget`] if no step reaches it.
     pub fn within_error(&self, db: f64) -> Result<Asset, FitError> {
         let greatest = self.prepared.greatest_coefficient();
-        let (mut exponent, first) = self.coarsest_within_error(error_for_psnr(db) * self.samples(), greatest)?;
-        let mut first = Some(first.asset);
+        let mut exponent = self.coarsest_within_error(error_for_psnr(db) * self.samples(), greatest)?;
         let mut found: Option<(usize, Asset)> = None;
         // What meets the goal without the margin, if nothing does with it.
         let mut nearest: Option<Asset> = None;
@@ -92,8 +103,9 @@ impl StepSearch<'_> {
         let mut bracket = Bracket { goal: db + 3.0 * PSNR_MARGIN_DB, ..Bracket::default() };
         for round in 0..PSNR_ROUNDS {
             self.monitor.report("encode", round, PSNR_ROUNDS)?;
-            let asset = first.take().unwrap_or_else(|| self.assemble(greatest * exponent.exp2()).asset);
-            let bytes = pack(&asset)?.len();
+            let assembled = self.assemble(greatest * exponent.exp2());
+            let bytes = packed_len(&assembled.asset, &assembled.group_bytes)?;
+            let asset = assembled.asset;
             let last_resort = exponent <= FINEST_EXPONENT;
             let measured = self.psnr_on_share(&asset)?;
             let enough = measured >= db + PSNR_MARGIN_DB;
@@ -119,11 +131,11 @@ impl StepSearch<'_> {
 
     /// Returns the asset of `step` with as many components as the parameters allow.
     pub fn assemble(&self, step: f64) -> Assembled {
-        self.assemble_with(step, self.params.most_components())
+        self.assemble_with(step, self.params.most_components(), Coding::Predicted)
     }
 
-    fn assemble_with(&self, step: f64, most_components: usize) -> Assembled {
-        assemble(&self.prepared.layers, step, self.prepared.grid, most_components)
+    fn assemble_with(&self, step: f64, most_components: usize, coding: Coding) -> Assembled {
+        assemble(&self.prepared.layers, step, self.prepared.grid, most_components, coding)
     }
 
     /// Returns the number of samples of all captures.
@@ -151,24 +163,18 @@ impl StepSearch<'_> {
         Ok(-10.0 * (errors.0 / errors.1).log10())
     }
 
-    /// Returns log2 of the coarsest step, relative to `greatest`, whose predicted error is at most `target`, and its
-    /// asset; the finest step where none is.
-    fn coarsest_within_error(&self, target: f64, greatest: f64) -> Result<(f64, Assembled), FitError> {
+    /// Returns log2 of the coarsest step, relative to `greatest`, at which a draft's predicted error is at most `target`;
+    /// the finest step where none is.
+    fn coarsest_within_error(&self, target: f64, greatest: f64) -> Result<f64, FitError> {
         let mut exponents = [FINEST_EXPONENT, COARSEST_EXPONENT];
-        let mut best = None;
+        let most = self.params.most_components();
         for _ in 0..PREDICTION_ROUNDS {
             self.monitor.check()?;
             let middle = 0.5 * (exponents[0] + exponents[1]);
-            let candidate = self.assemble(greatest * middle.exp2());
-            if candidate.error <= target {
-                exponents[0] = middle;
-                best = Some(candidate);
-            } else {
-                exponents[1] = middle;
-            }
+            let candidate = self.assemble_with(greatest * middle.exp2(), most, Coding::Draft);
+            exponents[usize::from(candidate.error > target)] = middle;
         }
-        let best = best.unwrap_or_else(|| self.assemble(greatest * exponents[0].exp2()));
-        Ok((exponents[0], best))
+        Ok(exponents[0])
     }
 }
 

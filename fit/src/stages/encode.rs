@@ -7,7 +7,8 @@ use crate::stages::factor::Rotated;
 use crate::stages::local_pca::LocalPca;
 use crate::stages::texel_coordinates::Coordinates;
 use btf_runtime::{
-    Basis, Coefficients, MAX_BASIS_STEP, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, Residual, SharedBases, plane_bytes,
+    Basis, Coefficients, MAX_BASIS_STEP, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, PredictedGroup, Residual, SharedBases,
+    choose_coefficients, plane_bytes,
 };
 use nalgebra::DMatrix;
 use ndarray::{Array1, Array2, Axis, s};
@@ -23,6 +24,14 @@ const SQUARED_STEPS_PER_BYTE: f64 = 0.92;
 const MIN_RMS: f64 = 0.3;
 /// Ridge of the refit, relative to the mean diagonal of the bases' Gram matrix.
 const RIDGE: f64 = 1e-6;
+/// Bytes of predicted coefficients relative to those of components that are coded by themselves, roughly.
+const PREDICTED_SHARE: f64 = 0.7;
+/// Squared error, in squared steps, that a bit of a predicted coefficient must remove.
+const SQUARED_STEPS_PER_BIT: f32 = 0.15;
+/// Components of the first group of predicted coefficients, which lobes of the first tiers depend on.
+const FIRST_GROUP: usize = 3;
+/// Numbers of components of the left, upper, upper left and upper right neighbour by which a coefficient is predicted.
+const INPUTS: [usize; 4] = [64, 64, 8, 16];
 /// Largest code of a shared basis or a mixture.
 const MAX_CODE: f32 = 32_000.0;
 
@@ -38,8 +47,19 @@ pub struct Model {
     pub width: usize,
 }
 
+/// Ways to quantise coefficients.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coding {
+    /// Each component by itself: quick, for a first idea of error and size.
+    Draft,
+    /// Predicted from the neighbouring texels, each code chosen by its error and its bits.
+    Predicted,
+}
+
 /// A quantised residual with its predicted error.
 pub struct Encoded {
+    /// Number of bytes of each group of predicted coefficients.
+    pub group_bytes: Vec<usize>,
     /// The residual.
     pub residual: Residual,
     /// Predicted sum over texels and samples of the squared error, in the residual's curve.
@@ -63,8 +83,9 @@ impl Model {
     /// Quantises everything with the step `step` (in the residual's curve, of orthonormal coefficients), with at
     /// most `most_components` components.
     ///
-    /// Cost: some products of `texels x directions x components`; no pass over the capture.
-    pub fn encode(&self, step: f64, most_components: usize) -> Encoded {
+    /// Cost: some products of `texels x directions x components`; no pass over the capture. Predicted coefficients take
+    /// about twice as long as a file with them takes to load, on one core.
+    pub fn encode(&self, step: f64, most_components: usize, coding: Coding) -> Encoded {
         let shared = self.shared_bases(step);
         let on = self.products(&shared);
         let count = self.clusters.iter().map(|cluster| cluster.variances.len()).max().unwrap_or(0);
@@ -84,10 +105,9 @@ impl Model {
                     let basis = collect_basis(&fitted, j + 1);
                     let codes: Vec<i32> = plane.codes.iter().map(|code| i32::from(*code)).collect();
                     let values: Vec<i32> = basis.values.iter().map(|code| i32::from(*code)).collect();
-                    let bytes = plane_bytes(&codes, self.width)
-                        + plane_bytes(&values, shared.bases.steps.len())
-                        + 4 * self.clusters.len();
-                    let worth = gain > SQUARED_STEPS_PER_BYTE * step * step * bytes as f64;
+                    let of_basis = plane_bytes(&values, shared.bases.steps.len()) + 4 * self.clusters.len();
+                    let bytes = PREDICTED_SHARE * plane_bytes(&codes, self.width) as f64 + of_basis as f64;
+                    let worth = gain > SQUARED_STEPS_PER_BYTE * step * step * bytes;
                     (plane, basis, worth)
                 })
                 .collect();
@@ -99,9 +119,48 @@ impl Model {
                 coefficients.push(plane);
             }
         }
-        let error = self.error(&fitted, &coefficients, &on);
         let factors = self.rotated.factors(shared.ranks);
-        Encoded { residual: Residual { factors, shared: shared.bases, bases, coefficients }, error }
+        let mut residual = Residual { factors, shared: shared.bases, bases, coefficients, groups: Vec::new() };
+        let group_bytes = match coding {
+            Coding::Predicted => self.predict(&mut residual, &fitted, step),
+            Coding::Draft => Vec::new(),
+        };
+        let error = self.error(&fitted, &residual.coefficients, &on);
+        Encoded { residual, error, group_bytes }
+    }
+
+    /// Chooses the codes of the components of `residual` anew, in groups of predicted ones. Returns the groups' bytes.
+    fn predict(&self, residual: &mut Residual, fitted: &[Fitted], step: f64) -> Vec<usize> {
+        let count = residual.coefficients.len();
+        let texels = self.coordinates.scores.nrows();
+        let mut wanted = vec![0.0f32; texels * count];
+        let mut labels = vec![0u8; texels];
+        let mut peaks = vec![0.0f32; count];
+        for (cluster, fitted) in fitted.iter().enumerate() {
+            let used = fitted.coefficients.ncols().min(count);
+            for (texel, row) in fitted.members.iter().zip(fitted.coefficients.rows()) {
+                labels[*texel] = cluster as u8;
+                let row = row.slice(s![..used]);
+                wanted[texel * count..][..used].iter_mut().zip(row).for_each(|(x, y)| *x = *y);
+                peaks.iter_mut().zip(row).for_each(|(peak, y)| *peak = peak.max(y.abs()));
+            }
+        }
+        for (plane, peak) in residual.coefficients.iter_mut().zip(&peaks) {
+            plane.step = (step as f32).max(peak / 127.0).clamp(1e-20, MAX_COEFFICIENT_STEP);
+        }
+        for row in wanted.chunks_exact_mut(count.max(1)) {
+            row.iter_mut().zip(&residual.coefficients).for_each(|(x, plane)| *x /= plane.step);
+        }
+        let ends = [FIRST_GROUP.min(count), count];
+        let mut first = 0;
+        for end in ends {
+            if end > first {
+                let inputs = INPUTS.map(|inputs| inputs.min(end) as u8);
+                residual.groups.push(PredictedGroup { components: end - first, inputs, own: first as u8 });
+            }
+            first = end;
+        }
+        choose_coefficients(residual, (self.width, &labels), &wanted, SQUARED_STEPS_PER_BIT)
     }
 
     /// Quantises the shared bases' cores and cuts the factors to the ranks that are worth their bytes.

@@ -520,7 +520,8 @@ pub(crate) fn encode_groups(residual: &Residual, width: usize, texel_clusters: &
 
 /// Chooses the codes of a residual's coefficients: those of least squared error and bits together, with a bit at
 /// `price` squared steps. `wanted` are the coefficients in steps, `[texel][component]`; of the residual's coefficients
-/// only the steps count. Returns the number of bytes of each group.
+/// only the steps count. Groups get fewer inputs where they have too many for their bytes. Returns the number of bytes of
+/// each group.
 ///
 /// Cost: that of loading, and some tens of nanoseconds a coefficient.
 pub fn choose_coefficients(
@@ -532,12 +533,29 @@ pub fn choose_coefficients(
     let components = residual.coefficients.len();
     let mut codes = vec![0i8; texel_clusters.len() * components];
     let steps: Vec<f32> = residual.coefficients.iter().map(|plane| plane.step).collect();
-    let mut choice = Cheapest { wanted, components, price };
-    let streams = encode_with(&mut choice, residual, (width, texel_clusters), &steps, &mut codes);
+    let mut bytes = Vec::new();
+    let mut first = 0;
+    for index in 0..residual.groups.len() {
+        let end = first + residual.groups[index].components;
+        let (bases, steps) = (&residual.bases[..=end], &steps[..end]);
+        let frame = CoefficientFrame { width, texel_clusters, bases, steps, components };
+        loop {
+            let group = &mut residual.groups[index];
+            let mut coder = Encoder::new();
+            code_group(&mut coder, &mut Cheapest { wanted, components, price }, &frame, (&*group, first), &mut codes);
+            let stream = coder.finish();
+            if group.input_count() == 0 || frame.allows(group, first, stream.len()) {
+                bytes.push(stream.len());
+                break;
+            }
+            (group.inputs, group.own) = (group.inputs.map(|inputs| inputs / 2), group.own / 2);
+        }
+        first = end;
+    }
     for (j, plane) in residual.coefficients.iter_mut().enumerate() {
         plane.codes = codes.iter().skip(j).step_by(components).copied().collect();
     }
-    streams.iter().map(Vec::len).collect()
+    bytes
 }
 
 fn encode_with(
