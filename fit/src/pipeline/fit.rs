@@ -73,15 +73,22 @@ fn prepare_and_encode(
     monitor: &Monitor,
 ) -> Result<(Encoded, Option<DecodedImages>), FitError> {
     let mut prepared = PreparedFit::prepare_from(captures, params, checkpoint, monitor)?;
-    let search = StepSearch { captures, prepared: &prepared, params, monitor };
-    let mut asset = monitor.stage("encode", || match params.goal() {
-        Goal::Bytes(bytes) => search.within_bytes(byte_budget(captures, params, bytes)),
-        Goal::PsnrDb(db) => search.within_error(db),
-        Goal::None => {
-            let step = DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt();
-            Ok(search.assemble(step).asset)
+    let mut asset = monitor.stage("encode", || {
+        // About which step it will be tells which directions are worth keeping.
+        let step = match params.goal() {
+            Goal::Bytes(bytes) => prepared.step_within_bytes(byte_budget(captures, params, bytes)),
+            Goal::PsnrDb(db) => StepSearch { captures, prepared: &prepared, params, monitor }.draft_within_error(db)?,
+            Goal::None => DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt(),
+        };
+        prepared.layers.iter_mut().for_each(|layer| layer.model.turn_to(step));
+        let search = StepSearch { captures, prepared: &prepared, params, monitor };
+        match params.goal() {
+            Goal::Bytes(bytes) => search.within_bytes(byte_budget(captures, params, bytes), step),
+            Goal::PsnrDb(db) => search.within_error(db, step),
+            Goal::None => Ok(search.assemble(step).asset),
         }
     })?;
+    let search = StepSearch { captures, prepared: &prepared, params, monitor };
     let left_out: Vec<&[usize]> = prepared.layers.iter().map(|layer| layer.left_out.as_slice()).collect();
     let matched = monitor.stage("energy", || {
         let (images, memory_bytes) = (prepared.images.as_ref(), params.memory_bytes());

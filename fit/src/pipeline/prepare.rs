@@ -10,6 +10,7 @@ use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::memory_plan::{MemoryPlan, plan_memory};
 use crate::pipeline::prepare_layer::{PreparedLayer, prepare_layer};
 use crate::resume::checkpoint::Checkpoint;
+use crate::stages::rate_labels::{TexelGoal, step_for};
 use btf_capture::Capture;
 use btf_runtime::{Asset, MAX_LAYERS};
 
@@ -62,6 +63,13 @@ impl PreparedFit {
     /// components.
     pub fn asset(&self, step: f64, components: usize) -> Asset {
         assemble(&self.layers, step, self.grid, components, Coding::Predicted).asset
+    }
+
+    /// Returns about the step of an asset of `bytes` bytes.
+    pub fn step_within_bytes(&self, bytes: usize) -> f64 {
+        let texels = self.layers.iter().map(|layer| layer.model.coordinates.scores.nrows()).sum::<usize>();
+        let models = self.layers.iter().flat_map(|layer| &layer.model.clusters);
+        step_for(models, TexelGoal::Bytes(bytes as f64 / texels.max(1) as f64))
     }
 
     /// Returns the size of the greatest coefficient: steps are told relative to it.

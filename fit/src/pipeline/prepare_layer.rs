@@ -7,10 +7,11 @@ use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{Mapping, TileCache};
-use crate::params::{KMeansEngine, ValidFitParams};
+use crate::params::{Goal, KMeansEngine, ValidFitParams};
 use crate::pipeline::choose_relief::FIRST_RELIEF;
 use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, shared_bases};
 use crate::pipeline::representatives::representatives;
+use crate::pipeline::search::error_for_psnr;
 use crate::resume::checkpoint::Stages;
 use crate::stages::encode::Model;
 use crate::stages::factor::Rotated;
@@ -20,6 +21,7 @@ use crate::stages::kmeans::kmeans;
 use crate::stages::lobe_dictionaries::{DictionaryTask, LobeFigures};
 use crate::stages::lobe_weights::{FittedWeights, add_upright_lambertian};
 use crate::stages::local_pca::{local_pca, reassign};
+use crate::stages::rate_labels::{TexelGoal, assign_by_rate, step_for};
 use crate::stages::residual_source::{ResidualSource, TexelLobes};
 use crate::stages::sparse::{ClusterLobes, Correlations, LobesOf, Selection, drop_unused, select};
 use crate::stages::texel_coordinates::Coordinates;
@@ -229,9 +231,27 @@ impl<'a> LayerSource<'a> {
             // Texels of clusters within clusters stay where they are.
             let rounds = if self.params.kmeans() == KMeansEngine::Levels { 0 } else { REASSIGN_ROUNDS };
             let clusters = reassign(scores.view(), &mut labels, clusters, REASSIGN_COMPONENTS, rounds);
+            let clusters = match self.texel_goal() {
+                Some(goal) => {
+                    let models = local_pca(scores.view(), &labels, clusters, scores.ncols());
+                    let step = step_for(&models, goal);
+                    assign_by_rate(scores.view(), &mut labels, clusters, self.info.width, step)
+                }
+                None => clusters,
+            };
             let representatives = representatives(&labels, clusters, scores.view(), seed);
             Ok((labels, representatives))
         })
+    }
+
+    /// Returns what a texel may take; `None` without a goal.
+    fn texel_goal(&self) -> Option<TexelGoal> {
+        let samples = 3.0 * self.info.pair_count() as f64;
+        match self.params.goal() {
+            Goal::Bytes(bytes) => Some(TexelGoal::Bytes(bytes as f64 / self.info.texel_count() as f64)),
+            Goal::PsnrDb(db) => Some(TexelGoal::Error(samples * error_for_psnr(db))),
+            Goal::None => None,
+        }
     }
 
     /// Fits each cluster's lobes to its representatives, on at most `max_pairs` direction pairs.

@@ -9,15 +9,11 @@ use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{Assembled, assemble};
 use crate::pipeline::description::description_bytes;
 use crate::pipeline::prepare::PreparedFit;
-use crate::stages::budget::{Candidate, SEARCH_ROUNDS, Start, within_bytes};
+use crate::stages::budget::{Candidate, SEARCH_ROUNDS, within_bytes};
 use crate::stages::encode::Coding;
 use btf_capture::Capture;
 use btf_runtime::{Asset, MAX_COMPONENTS, packed_len};
 
-/// Bytes of an asset with predicted coefficients relative to one without, of the same step, roughly.
-const PREDICTED_SHARE: f64 = 0.78;
-/// Evaluations with predicted coefficients that a size gets at most.
-const PREDICTED_ROUNDS: usize = 6;
 /// Rounds of encoding and measurement that a PSNR goal gets.
 const PSNR_ROUNDS: usize = 8;
 /// How far above a PSNR goal the figure over a share of the pairs must lie, so that the figure over all pairs reaches
@@ -42,40 +38,37 @@ pub struct StepSearch<'a> {
 }
 
 impl StepSearch<'_> {
-    /// Returns the asset of least error within `bytes`, everything but the description included.
+    /// Returns the asset of least error within `bytes`, everything but the description included. The search begins with
+    /// `step`.
     ///
     /// # Errors
     /// [`FitError::Budget`] if even the coarsest step gives more.
-    pub fn within_bytes(&self, bytes: usize) -> Result<Asset, FitError> {
+    pub fn within_bytes(&self, bytes: usize, step: f64) -> Result<Asset, FitError> {
         let greatest = self.prepared.greatest_coefficient();
-        let most = self.params.components().unwrap_or(MAX_COMPONENTS);
+        let exponent = (step / greatest.max(1e-12)).log2();
         let mut round = 0;
-        let mut search = |limit: usize, coding: Coding, most: usize, start: Start| {
-            within_bytes(limit, greatest, start, |step| {
-                self.monitor.report("encode", round, SEARCH_ROUNDS + PREDICTED_ROUNDS)?;
+        let mut search = |most: usize| {
+            within_bytes(bytes, greatest, exponent, |step| {
+                self.monitor.report("encode", round, 2 * SEARCH_ROUNDS)?;
                 round += 1;
-                let made = self.assemble_with(step, most, coding);
-                let bytes = packed_len(&made.asset, &made.group_bytes)?;
-                Ok::<_, FitError>(Candidate { bytes, value: (step, made) })
+                if std::env::var("SEARCHLOG").is_ok() { eprintln!("step {step} log {}", (step / greatest).log2()); }
+                let made = self.assemble_with(step, most, Coding::Predicted);
+                Ok::<_, FitError>(Candidate { bytes: packed_len(&made.asset, &made.group_bytes)?, value: made })
             })
         };
-        // A draft of another size tells about where the step lies.
-        let drafted = search((bytes as f64 / PREDICTED_SHARE) as usize, Coding::Draft, most, Start::default())?;
-        let exponent = drafted.map_or(f64::INFINITY, |draft| (draft.value.0 / greatest.max(1e-12)).log2());
-        let start = Start { exponent, rounds: PREDICTED_ROUNDS };
-        let mut found = search(bytes, Coding::Predicted, most, start)?;
+        let mut found = search(self.params.components().unwrap_or(MAX_COMPONENTS))?;
         // A component more is a jump in size: what is left in front of it goes to a smaller step.
         if let Ok(best) = &mut found {
-            let residuals = best.value.1.asset.layers.iter().flat_map(|layer| &layer.residual);
+            let residuals = best.value.asset.layers.iter().flat_map(|layer| &layer.residual);
             let components = residuals.map(|residual| residual.coefficients.len()).max().unwrap_or(0);
             if best.bytes < bytes - bytes / 50
-                && let Ok(other) = search(bytes, Coding::Predicted, components, start)?
-                && other.value.1.error < best.value.1.error
+                && let Ok(other) = search(components)?
+                && other.value.error < best.value.error
             {
                 *best = other;
             }
         }
-        found.map(|best| best.value.1.asset).map_err(|least| self.too_small(least))
+        found.map(|best| best.value.asset).map_err(|least| self.too_small(least))
     }
 
     /// Says that even `least` bytes and the description are more than is allowed, and what to do.
@@ -88,14 +81,14 @@ impl StepSearch<'_> {
         ))
     }
 
-    /// Returns the smallest asset whose measured `psnr_db` over all layers is at least `db`: the first step is the one
-    /// that is predicted to give it, the others follow from what was measured.
+    /// Returns the smallest asset whose measured `psnr_db` over all layers is at least `db`: the first step is `step`, the
+    /// others follow from what was measured.
     ///
     /// # Errors
     /// [`FitError::Budget`] if no step reaches it.
-    pub fn within_error(&self, db: f64) -> Result<Asset, FitError> {
+    pub fn within_error(&self, db: f64, step: f64) -> Result<Asset, FitError> {
         let greatest = self.prepared.greatest_coefficient();
-        let mut exponent = self.coarsest_within_error(error_for_psnr(db) * self.samples(), greatest)?;
+        let mut exponent = (step / greatest.max(1e-12)).log2().clamp(FINEST_EXPONENT, COARSEST_EXPONENT);
         let mut found: Option<(usize, Asset)> = None;
         // What meets the goal without the margin, if nothing does with it.
         let mut nearest: Option<Asset> = None;
@@ -163,9 +156,10 @@ impl StepSearch<'_> {
         Ok(-10.0 * (errors.0 / errors.1).log10())
     }
 
-    /// Returns log2 of the coarsest step, relative to `greatest`, at which a draft's predicted error is at most `target`;
-    /// the finest step where none is.
-    fn coarsest_within_error(&self, target: f64, greatest: f64) -> Result<f64, FitError> {
+    /// Returns the coarsest step at which a draft's predicted error is that of the PSNR `db`; the finest step where none
+    /// is.
+    pub fn draft_within_error(&self, db: f64) -> Result<f64, FitError> {
+        let (greatest, target) = (self.prepared.greatest_coefficient(), error_for_psnr(db) * self.samples());
         let mut exponents = [FINEST_EXPONENT, COARSEST_EXPONENT];
         let most = self.params.most_components();
         for _ in 0..PREDICTION_ROUNDS {
@@ -174,7 +168,7 @@ impl StepSearch<'_> {
             let candidate = self.assemble_with(greatest * middle.exp2(), most, Coding::Draft);
             exponents[usize::from(candidate.error > target)] = middle;
         }
-        Ok(exponents[0])
+        Ok(greatest * exponents[0].exp2())
     }
 }
 
@@ -222,7 +216,7 @@ impl Bracket {
 
 /// Returns the mean squared error in the root domain at which `psnr_db` is `db`: the 8-bit code is about
 /// `255 (1.055 g - 0.055)`, and rounding adds 1/12.
-fn error_for_psnr(db: f64) -> f64 {
+pub fn error_for_psnr(db: f64) -> f64 {
     let code_error = 255.0f64.powi(2) / 10f64.powf(db / 10.0);
     (code_error - 1.0 / 12.0).max(1e-3) / (255.0f64 * 1.055).powi(2)
 }

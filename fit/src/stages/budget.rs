@@ -16,28 +16,13 @@ pub struct Candidate<T> {
     pub value: T,
 }
 
-/// Evaluations that are looked at from the start: its step as log2 relative to the greatest coefficient, and how many.
-#[derive(Debug, Clone, Copy)]
-pub struct Start {
-    /// log2 of the first step, relative to the greatest coefficient.
-    pub exponent: f64,
-    /// Largest number of evaluations.
-    pub rounds: usize,
-}
-
-impl Default for Start {
-    fn default() -> Start {
-        Start { exponent: -5.0, rounds: SEARCH_ROUNDS }
-    }
-}
-
 /// Returns the finest step whose outcome has at most `limit` bytes, as far as a bracketed search over powers of two of
-/// `greatest` (the size of the greatest coefficient) finds it: sizes fall about inversely with the step. `Err` holds
+/// `greatest` (the size of the greatest coefficient) from `first` on finds it: sizes fall about inversely with the step. `Err` holds
 /// the least size where even the coarsest step gives more.
 pub fn within_bytes<T, E>(
     limit: usize,
     greatest: f64,
-    start: Start,
+    first: f64,
     mut make: impl FnMut(f64) -> Result<Candidate<T>, E>,
 ) -> Result<Result<Candidate<T>, usize>, E> {
     let greatest = greatest.max(1e-12);
@@ -46,9 +31,9 @@ pub fn within_bytes<T, E>(
     let mut fits: Option<(f64, f64)> = None;
     let mut exceeds: Option<(f64, f64)> = None;
     let mut best: Option<Candidate<T>> = None;
-    let mut at = start.exponent.clamp(FINEST, COARSEST);
+    let mut at = first.clamp(FINEST, COARSEST);
     let mut previous: Option<(f64, f64)> = None;
-    for round in 0..start.rounds {
+    for round in 0..SEARCH_ROUNDS {
         let candidate = make(greatest * at.exp2())?;
         let ratio = candidate.bytes as f64 / limit.max(1) as f64;
         if candidate.bytes <= limit {
@@ -76,7 +61,7 @@ pub fn within_bytes<T, E>(
                 low + (high - low) * along.clamp(0.05, 0.95)
             }
             // Never fits so far: the coarsest there is, before the rounds are over.
-            (Some(_), None) if round + 2 >= start.rounds => COARSEST,
+            (Some(_), None) if round + 2 >= SEARCH_ROUNDS => COARSEST,
             _ => {
                 let slope = previous.map_or(1.0, |(x, y): (f64, f64)| (y - ratio.log2()) / (at - x));
                 (at + ((ratio.log2() + 0.5 * CLOSE) / slope.clamp(0.2, 3.0)).clamp(-4.0, 4.0)).clamp(FINEST, COARSEST)
@@ -103,7 +88,7 @@ mod tests {
 
     fn search(limit: usize, size: impl Fn(f64) -> f64) -> Result<f64, usize> {
         let make = |step: f64| Ok::<_, ()>(Candidate { bytes: size(step) as usize, value: step });
-        within_bytes(limit, 100.0, Start::default(), make).unwrap().map(|found| found.value)
+        within_bytes(limit, 100.0, -5.0, make).unwrap().map(|found| found.value)
     }
 
     #[test]

@@ -3,8 +3,9 @@
 //! as a coefficient's does. Equal slopes of error against bytes follow from that [Shoham 1988], within a layer and
 //! between layers.
 
-use crate::stages::factor::Rotated;
+use crate::stages::factor::{Rotated, RoundedFactors};
 use crate::stages::local_pca::LocalPca;
+use crate::stages::principal_directions::sorted_eigen;
 use crate::stages::texel_coordinates::Coordinates;
 use btf_runtime::{
     Basis, Coefficients, MAX_BASIS_STEP, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, PredictedGroup, Residual, SharedBases,
@@ -14,20 +15,36 @@ use nalgebra::DMatrix;
 use ndarray::{Array1, Array2, Axis, s};
 use rayon::prelude::*;
 
-/// Shift of the rounding towards 0, in steps: what a code near 0 costs in bytes, its small gain does not pay.
+/// Shift of the rounding towards 0, in steps, of coefficients that are coded by themselves, and of bases: what a code near
+/// 0 costs in bytes, its small gain does not pay.
 const DEAD_ZONE: f32 = 0.1;
+const BASIS_DEAD_ZONE: f32 = 0.2;
+/// Steps of the shared bases, of mixtures and of factors, relative to those of equal error. Larger ones for what many
+/// values hang on: their errors average out (found by search, cloth at 128 kB and 2 MB).
+const SHARED_STEP: f64 = 1.25;
+const MIXTURE_STEP: f64 = 1.15;
+const FACTOR_STEP: f64 = 1.5;
+/// Bytes of an entry of a factor, about.
+const FACTOR_BYTES: f64 = 0.7;
 /// Squared error that a byte must remove to be worth it, in squared steps: the slope of an entropy-coded uniform
 /// quantiser, `2 ln 2 / 12` a bit, 8 bits.
 const SQUARED_STEPS_PER_BYTE: f64 = 0.92;
+/// Squared error that a byte of a component must remove, in squared steps: more than that, because every component takes
+/// memory and time of a renderer (cloth of 2 MB: 84 components in place of 128 for the same PSNR).
+const COMPONENT_WORTH: f64 = 2.2;
 /// Root mean square, in steps, of a component's coefficients in a cluster below which the component is left out there:
 /// nearly all of its codes would be 0.
-const MIN_RMS: f64 = 0.3;
+const MIN_RMS: f64 = 0.4;
+/// Energy of a direction, in squared steps, below which it is dropped.
+const MIN_DIRECTION: f64 = 0.1;
+/// Energy that a coefficient's rounding loses on average, in squared steps.
+const LOST_BY_ROUNDING: f64 = 0.15;
 /// Ridge of the refit, relative to the mean diagonal of the bases' Gram matrix.
 const RIDGE: f64 = 1e-6;
 /// Bytes of predicted coefficients relative to those of components that are coded by themselves, roughly.
 const PREDICTED_SHARE: f64 = 0.7;
 /// Squared error, in squared steps, that a bit of a predicted coefficient must remove.
-const SQUARED_STEPS_PER_BIT: f32 = 0.15;
+const SQUARED_STEPS_PER_BIT: f32 = 0.1;
 /// Components of the first group of predicted coefficients, which lobes of the first tiers depend on.
 const FIRST_GROUP: usize = 3;
 /// Numbers of components of the left, upper, upper left and upper right neighbour by which a coefficient is predicted.
@@ -67,16 +84,17 @@ pub struct Encoded {
 }
 
 /// Returns the code nearest to `value / step`, with a dead zone around 0.
-fn code(value: f32, step: f32) -> f32 {
+fn code(value: f32, step: f32, dead_zone: f32) -> f32 {
     let steps = value / step;
-    (steps.abs() + 0.5 - DEAD_ZONE).floor().copysign(steps)
+    (steps.abs() + 0.5 - dead_zone).floor().copysign(steps)
 }
+
 
 /// Returns the codes of `values` and their step: about `step`, larger where the codes would need more than 16 bits.
 fn quantize(values: &[f32], step: f64) -> (f32, Vec<i16>) {
     let peak = values.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
     let step = (step as f32).max(peak / MAX_CODE).clamp(1e-20, MAX_BASIS_STEP);
-    (step, values.iter().map(|x| code(*x, step).clamp(-MAX_CODE, MAX_CODE) as i16).collect())
+    (step, values.iter().map(|x| code(*x, step, BASIS_DEAD_ZONE).clamp(-MAX_CODE, MAX_CODE) as i16).collect())
 }
 
 impl Model {
@@ -107,7 +125,7 @@ impl Model {
                     let values: Vec<i32> = basis.values.iter().map(|code| i32::from(*code)).collect();
                     let of_basis = plane_bytes(&values, shared.bases.steps.len()) + 4 * self.clusters.len();
                     let bytes = PREDICTED_SHARE * plane_bytes(&codes, self.width) as f64 + of_basis as f64;
-                    let worth = gain > SQUARED_STEPS_PER_BYTE * step * step * bytes;
+                    let worth = gain > COMPONENT_WORTH * step * step * bytes;
                     (plane, basis, worth)
                 })
                 .collect();
@@ -119,7 +137,7 @@ impl Model {
                 coefficients.push(plane);
             }
         }
-        let factors = self.rotated.factors(shared.ranks);
+        let factors = shared.factors.factors();
         let mut residual = Residual { factors, shared: shared.bases, bases, coefficients, groups: Vec::new() };
         let group_bytes = match coding {
             Coding::Predicted => self.predict(&mut residual, &fitted, step),
@@ -163,17 +181,67 @@ impl Model {
         choose_coefficients(residual, (self.width, &labels), &wanted, SQUARED_STEPS_PER_BIT)
     }
 
+    /// Turns the directions to the principal ones of what the clusters' means and components hold at `step`, most important
+    /// first, and drops those that hold next to nothing.
+    ///
+    /// Cost: some products of `texels x directions^2` and of the directions' cores with as many directions, and the
+    /// eigenvectors of one matrix of all directions.
+    pub fn turn_to(&mut self, step: f64) {
+        let count = self.rotated.count();
+        let mut gram = Array2::<f32>::zeros((count, count));
+        for cluster in &self.clusters {
+            let told = self.told(cluster, step);
+            let mut rows = Array2::<f32>::zeros((1 + told.len(), count));
+            rows.row_mut(0).assign(&(&cluster.mean * (cluster.members.len() as f32).sqrt()));
+            for (j, energy) in told.iter().enumerate() {
+                rows.row_mut(1 + j).assign(&(&cluster.components.column(j) * energy.sqrt() as f32));
+            }
+            gram += &rows.t().dot(&rows);
+        }
+        let (energies, vectors) = sorted_eigen(&gram.mapv(f64::from));
+        let kept = energies.iter().take_while(|energy| **energy > MIN_DIRECTION * step * step).count();
+        let turn = vectors.slice(s![.., ..kept]).mapv(|x| x as f32);
+        self.coordinates.scores = self.coordinates.scores.dot(&turn);
+        self.coordinates.energies = energies[..kept].to_vec();
+        for cluster in &mut self.clusters {
+            cluster.mean = turn.t().dot(&cluster.mean);
+            cluster.components = turn.t().dot(&cluster.components);
+        }
+        self.rotated.mix(&turn);
+    }
+
+    /// Returns the energy that each of the components of `cluster` that are worth their codes at `step` holds.
+    fn told(&self, cluster: &LocalPca, step: f64) -> Vec<f64> {
+        let texels = cluster.members.len() as f64;
+        let told = cluster.variances.iter().take_while(|variance| (**variance / texels).sqrt() > MIN_RMS * step);
+        told.map(|variance| (variance - LOST_BY_ROUNDING * texels * step * step).max(0.0)).collect()
+    }
+
+    /// Returns the energy along each direction of what the clusters' means and components hold at `step`.
+    fn represented(&self, step: f64) -> Vec<f64> {
+        let mut energies = vec![0.0f64; self.rotated.count()];
+        for cluster in &self.clusters {
+            let texels = cluster.members.len() as f64;
+            energies.iter_mut().zip(&cluster.mean).for_each(|(sum, x)| *sum += texels * f64::from(*x).powi(2));
+            for (component, energy) in cluster.components.columns().into_iter().zip(self.told(cluster, step)) {
+                energies.iter_mut().zip(component).for_each(|(sum, x)| *sum += energy * f64::from(*x).powi(2));
+            }
+        }
+        energies
+    }
+
     /// Quantises the shared bases' cores and cuts the factors to the ranks that are worth their bytes.
     fn shared_bases(&self, step: f64) -> Shared {
         let [views, lights] = self.rotated.shape;
-        let steps: Vec<f64> = self.coordinates.energies.iter().map(|energy| step / energy.max(1e-30).sqrt()).collect();
+        let energies = self.represented(step);
+        let steps: Vec<f64> = energies.iter().map(|energy| SHARED_STEP * step / energy.max(1e-30).sqrt()).collect();
         // Squared error, in squared steps, that each rank takes away.
         let mut ranks = [[0; 2]; 3];
         for (channel, ranks) in ranks.iter_mut().enumerate() {
             let mut gains = [vec![0.0f64; views], vec![0.0f64; lights]];
             for (basis, step) in steps.iter().enumerate() {
                 for ((v, l), x) in self.rotated.core(basis, channel).indexed_iter() {
-                    if code(*x, *step as f32) != 0.0 {
+                    if code(*x, *step as f32, BASIS_DEAD_ZONE) != 0.0 {
                         let gain = (f64::from(*x) / step).powi(2);
                         gains[0][v] += gain;
                         gains[1][l] += gain;
@@ -182,7 +250,7 @@ impl Model {
             }
             let cut = |gains: &[f64], height: usize| {
                 // A rank costs its column of halves; its codes were judged one by one.
-                let price = SQUARED_STEPS_PER_BYTE * 2.0 * height as f64;
+                let price = SQUARED_STEPS_PER_BYTE * FACTOR_BYTES * height as f64;
                 gains.iter().rposition(|gain| *gain > price).map_or(0, |last| last + 1)
             };
             *ranks = [cut(&gains[0], views), cut(&gains[1], lights)];
@@ -190,14 +258,25 @@ impl Model {
                 *ranks = [0, 0];
             }
         }
+        // Energy that each column of the factors carries.
+        let mut carried = ranks.map(|ranks| ranks.map(|rank| vec![0.0f64; rank]));
+        for (channel, carried) in carried.iter_mut().enumerate() {
+            for (basis, energy) in energies.iter().enumerate() {
+                let core = self.rotated.core(basis, channel);
+                for ((v, l), x) in core.slice(s![..ranks[channel][0], ..ranks[channel][1]]).indexed_iter() {
+                    let energy = energy * f64::from(*x).powi(2);
+                    carried[0][v] += energy;
+                    carried[1][l] += energy;
+                }
+            }
+        }
+        let factor_steps = carried.map(|sides| sides.map(|side| side.iter().map(|energy| FACTOR_STEP * step / energy.max(1e-30).sqrt()).collect()));
+        let rounded = self.rotated.rounded_factors(ranks, &factor_steps);
         let coded: Vec<(f32, Vec<i16>)> = (0..self.rotated.count())
             .into_par_iter()
             .map(|basis| {
-                let values = (0..3).flat_map(|channel| {
-                    let [rv, rl] = ranks[channel];
-                    self.rotated.core(basis, channel).slice(s![..rv, ..rl]).iter().copied().collect::<Vec<_>>()
-                });
-                let values: Vec<f32> = values.collect();
+                let core = |channel: usize| rounded.nearest_core(self.rotated.core(basis, channel), channel);
+                let values: Vec<f32> = (0..3).flat_map(|channel| core(channel).into_iter().collect::<Vec<_>>()).collect();
                 quantize(&values, steps[basis])
             })
             .collect();
@@ -206,25 +285,30 @@ impl Model {
             steps: coded[..used].iter().map(|(step, _)| *step).collect(),
             values: coded[..used].iter().flat_map(|(_, values)| values.iter().copied()).collect(),
         };
-        Shared { bases, ranks }
+        Shared { bases, ranks, factors: rounded }
     }
 
     /// Returns the products of the decoded shared bases among themselves and with the exact directions.
     fn products(&self, shared: &Shared) -> Products {
         let used = shared.bases.steps.len();
         let len: usize = shared.ranks.iter().map(|[rv, rl]| rv * rl).sum();
-        let decoded = Array2::from_shape_fn((used, len), |(basis, i)| {
-            shared.bases.steps[basis] * f32::from(shared.bases.values[basis * len + i])
-        });
-        let mut exact = Array2::<f32>::zeros((self.rotated.count(), len));
-        for (basis, mut row) in exact.rows_mut().into_iter().enumerate() {
-            let mut at = 0;
+        let [views, lights] = self.rotated.shape;
+        // Both in the exact frame, `[basis, channel x view x light]`.
+        let mut decoded = Array2::<f32>::zeros((used, 3 * views * lights));
+        decoded.axis_iter_mut(Axis(0)).into_par_iter().enumerate().for_each(|(basis, mut row)| {
+            let step = shared.bases.steps[basis];
+            let mut at = basis * len;
             for (channel, [rv, rl]) in shared.ranks.iter().enumerate() {
-                for x in self.rotated.core(basis, channel).slice(s![..*rv, ..*rl]) {
-                    row[at] = *x;
-                    at += 1;
-                }
+                let core = Array2::from_shape_fn((*rv, *rl), |(r, s)| step * f32::from(shared.bases.values[at + r * rl + s]));
+                at += rv * rl;
+                let exact = shared.factors.exact_core(core.view(), channel);
+                row.slice_mut(s![channel * views * lights..(channel + 1) * views * lights]).iter_mut().zip(&exact).for_each(|(x, y)| *x = *y);
             }
+        });
+        let mut exact = Array2::<f32>::zeros((self.rotated.count(), 3 * views * lights));
+        for (basis, mut row) in exact.rows_mut().into_iter().enumerate() {
+            let values = (0..3).flat_map(|channel| self.rotated.core(basis, channel));
+            row.iter_mut().zip(values).for_each(|(x, y)| *x = *y);
         }
         let gram = decoded.dot(&decoded.t());
         let cross = exact.dot(&decoded.t());
@@ -251,7 +335,7 @@ impl Model {
             quantize(&mixtures.dot(&cluster.mean).to_vec(), step / (texels as f64).sqrt())
         });
         for j in 0..kept {
-            bases.push(quantize(&nearest.column(j).to_vec(), step / cluster.variances[j].max(1e-30).sqrt()));
+            bases.push(quantize(&nearest.column(j).to_vec(), MIXTURE_STEP * step / cluster.variances[j].max(1e-30).sqrt()));
         }
         // What quantised to nothing has no coefficients; components are dropped from the end only.
         let kept = (1..=kept).take_while(|j| bases[*j].1.iter().any(|q| *q != 0)).count();
@@ -283,7 +367,7 @@ impl Model {
         let (mut up, mut down, mut energy, mut left) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
         for cluster in fitted.iter().filter(|cluster| j < cluster.coefficients.ncols()) {
             for (texel, y) in cluster.members.iter().zip(cluster.coefficients.column(j)) {
-                let q = code(*y, step).clamp(-127.0, 127.0);
+                let q = code(*y, step, DEAD_ZONE).clamp(-127.0, 127.0);
                 codes[*texel] = q as i8;
                 let (q, y) = (f64::from(q), f64::from(*y));
                 up += q * y;
@@ -330,6 +414,7 @@ impl Model {
 struct Shared {
     bases: SharedBases,
     ranks: [[usize; 2]; 3],
+    factors: RoundedFactors,
 }
 
 /// Products of the decoded shared bases.

@@ -4,7 +4,8 @@
 use crate::stages::principal_directions::sorted_eigen;
 use btf_runtime::{COLOUR_FRAME, Factors};
 use half::f16;
-use ndarray::{Array2, ArrayView1};
+use nalgebra::DMatrix;
+use ndarray::{Array2, ArrayView1, ArrayView2, s};
 use rayon::prelude::*;
 
 /// All shared bases in the full rotated frame: nothing is lost yet, only the choice of ranks cuts.
@@ -17,6 +18,58 @@ pub struct Rotated {
     light: [Array2<f32>; 3],
     /// Cores `[basis][channel]`, each `[view rank, light rank]`.
     cores: Vec<[Array2<f32>; 3]>,
+}
+
+/// Largest exponent of a factor's step: halves are multiples of 2^-24.
+const MAX_EXPONENT: f64 = 24.0;
+
+/// Factor matrices that are rounded to few digits.
+pub struct RoundedFactors {
+    shape: [usize; 2],
+    ranks: [[usize; 2]; 3],
+    view: [RoundedSide; 3],
+    light: [RoundedSide; 3],
+}
+
+/// One rounded matrix.
+struct RoundedSide {
+    /// `[direction, rank]`.
+    matrix: Array2<f32>,
+    /// The matrix in the exact frame, `[exact rank, rank]`.
+    frame: Array2<f32>,
+    /// Its pseudo-inverse, `[rank, exact rank]`.
+    inverse: Array2<f32>,
+}
+
+impl RoundedFactors {
+    /// Returns the core by which the rounded factors come nearest to what `core` is in the exact frame.
+    pub fn nearest_core(&self, core: &Array2<f32>, channel: usize) -> Array2<f32> {
+        self.view[channel].inverse.dot(core).dot(&self.light[channel].inverse.t())
+    }
+
+    /// Returns the core in the exact frame of what `core` is with the rounded factors.
+    pub fn exact_core(&self, core: ArrayView2<f32>, channel: usize) -> Array2<f32> {
+        self.view[channel].frame.dot(&core).dot(&self.light[channel].frame.t())
+    }
+
+    /// Returns the factors.
+    pub fn factors(&self) -> Factors {
+        let halves = |side: &RoundedSide| side.matrix.iter().map(|x| f16::from_f32(*x)).collect();
+        Factors {
+            shape: self.shape,
+            ranks: self.ranks,
+            view: self.view.each_ref().map(halves),
+            light: self.light.each_ref().map(halves),
+        }
+    }
+}
+
+/// Returns the inverse of a positive definite matrix; the identity where it is not one.
+fn inverse_of_positive(matrix: &Array2<f32>) -> Array2<f32> {
+    let n = matrix.nrows();
+    let found = DMatrix::from_fn(n, n, |i, j| f64::from(matrix[[i, j]])).cholesky();
+    let inverse = found.map_or_else(|| DMatrix::identity(n, n), |cholesky| cholesky.inverse());
+    Array2::from_shape_fn((n, n), |(i, j)| inverse[(i, j)] as f32)
 }
 
 fn channel_slice(basis: ArrayView1<f32>, shape: [usize; 2], channel: usize) -> Array2<f32> {
@@ -78,6 +131,27 @@ impl Rotated {
         Rotated { shape, view, light, cores }
     }
 
+    /// Replaces the bases by mixtures of them, the columns of `mixtures`, `[basis, mixture]`.
+    ///
+    /// Cost: `2 bases x mixtures` floating-point operations a value of a core.
+    pub fn mix(&mut self, mixtures: &Array2<f32>) {
+        let mut mixed: Vec<[Array2<f32>; 3]> = (0..mixtures.ncols())
+            .map(|_| [0, 1, 2].map(|c| Array2::zeros((self.view[c].ncols(), self.light[c].ncols()))))
+            .collect();
+        for channel in 0..3 {
+            let shape = (self.view[channel].ncols(), self.light[channel].ncols());
+            let mut all = Array2::<f32>::zeros((self.cores.len(), shape.0 * shape.1));
+            for (mut row, core) in all.rows_mut().into_iter().zip(&self.cores) {
+                row.iter_mut().zip(&core[channel]).for_each(|(x, value)| *x = *value);
+            }
+            let all = mixtures.t().dot(&all);
+            for (core, row) in mixed.iter_mut().zip(all.rows()) {
+                core[channel].iter_mut().zip(row).for_each(|(value, x)| *value = *x);
+            }
+        }
+        self.cores = mixed;
+    }
+
     /// Returns the number of bases.
     pub fn count(&self) -> usize {
         self.cores.len()
@@ -88,21 +162,25 @@ impl Rotated {
         &self.cores[basis][channel]
     }
 
-    /// Returns the factor matrices cut to `ranks` (`[view, light]` per channel).
-    pub fn factors(&self, ranks: [[usize; 2]; 3]) -> Factors {
-        let cut = |matrix: &Array2<f32>, rank: usize| -> Vec<f16> {
-            matrix
-                .rows()
-                .into_iter()
-                .flat_map(|row| row.iter().take(rank).map(|x| f16::from_f32(*x)).collect::<Vec<_>>())
-                .collect()
-        };
-        Factors {
-            shape: self.shape,
-            ranks,
-            view: [0, 1, 2].map(|c| cut(&self.view[c], ranks[c][0])),
-            light: [0, 1, 2].map(|c| cut(&self.light[c], ranks[c][1])),
-        }
+    /// Returns the factor matrices cut to `ranks` and rounded, each column to multiples of the power of two nearest to its
+    /// step in `steps`, `[channel][side][rank]`.
+    pub fn rounded_factors(&self, ranks: [[usize; 2]; 3], steps: &[[Vec<f64>; 2]; 3]) -> RoundedFactors {
+        let rounded = [0, 1].map(|side| {
+            [0, 1, 2].map(|channel| {
+                let exact = [&self.view, &self.light][side][channel].view();
+                let mut matrix = exact.slice(s![.., ..ranks[channel][side]]).to_owned();
+                for (mut column, step) in matrix.columns_mut().into_iter().zip(&steps[channel][side]) {
+                    let step = step.log2().round().clamp(-MAX_EXPONENT, 0.0).exp2() as f32;
+                    column.mapv_inplace(|x| f16::from_f32((x / step).round() * step).to_f32());
+                }
+                // The rounded columns in the exact frame, and what takes a core in that frame to one of theirs.
+                let frame = exact.t().dot(&matrix);
+                let inverse = inverse_of_positive(&matrix.t().dot(&matrix)).dot(&matrix.t().dot(&exact));
+                RoundedSide { matrix, frame, inverse }
+            })
+        });
+        let [view, light] = rounded;
+        RoundedFactors { shape: self.shape, ranks, view, light }
     }
 }
 

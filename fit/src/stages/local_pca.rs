@@ -112,17 +112,22 @@ pub fn reassign(
                 }
             }
         });
-        let mut numbers = vec![u32::MAX; clusters];
-        let mut next = 0;
-        labels.iter().for_each(|label| numbers[*label as usize] = 0);
-        for number in numbers.iter_mut().filter(|number| **number == 0) {
-            *number = next;
-            next += 1;
-        }
-        labels.iter_mut().for_each(|label| *label = numbers[*label as usize]);
-        clusters = next as usize;
+        clusters = renumber(labels, clusters);
     }
     clusters
+}
+
+/// Numbers the clusters that have texels anew, in order, and returns how many these are.
+pub fn renumber(labels: &mut [u32], clusters: usize) -> usize {
+    let mut numbers = vec![u32::MAX; clusters];
+    let mut next = 0;
+    labels.iter().for_each(|label| numbers[*label as usize] = 0);
+    for number in numbers.iter_mut().filter(|number| **number == 0) {
+        *number = next;
+        next += 1;
+    }
+    labels.iter_mut().for_each(|label| *label = numbers[*label as usize]);
+    next as usize
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ pub(crate) mod lobe_dictionaries;
 pub(crate) mod lobe_weights;
 pub(crate) mod local_pca;
 pub(crate) mod principal_directions;
+pub(crate) mod rate_labels;
 pub(crate) mod residual_source;
 pub(crate) mod slopes;
 pub(crate) mod sparse;

@@ -2,7 +2,7 @@
 //! learnt on the way, and only the difference from the prediction is coded. One routine serves encoder and decoder, as
 //! in [`crate::container::entropy`].
 //!
-//! The weights are those of recursive least squares [Haykin 2002, chapter 13], a set for each cluster. All sums are in
+//! The weights are those of recursive least squares [Haykin 2002, chapter 9], a set for each cluster. All sums are in
 //! single precision and in the order of their index, with every operation rounded by itself, so that every machine
 //! predicts the same numbers.
 
@@ -586,4 +586,152 @@ fn texel_major(planes: &[Coefficients], texels: usize) -> Vec<i8> {
         codes.iter_mut().skip(j).step_by(planes.len()).zip(&plane.codes).for_each(|(out, code)| *out = *code);
     }
     codes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::asset::Asset;
+    use crate::asset::residual::ResidualKind;
+    use crate::container::directory::Directory;
+    use crate::error::FormatError;
+    use crate::file::format::{Head, SectionKind, read_directory};
+    use crate::file::pack::{pack, packed_len};
+    use crate::rule;
+    use crate::testing::{FileParts, Random, sample_grouped_asset};
+
+    fn residual(asset: &mut Asset) -> &mut Residual {
+        asset.layers[0].residual.as_mut().unwrap()
+    }
+
+    fn directory(bytes: &[u8]) -> Directory<Head> {
+        read_directory(bytes).unwrap()
+    }
+
+    #[test]
+    fn predicted_coefficients_come_back_from_every_tier() {
+        for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
+            let asset = sample_grouped_asset(kind as u64, 24, 18, kind);
+            let bytes = pack(&asset).unwrap();
+            assert_eq!(Asset::parse(&bytes).unwrap(), asset);
+            let tiers = directory(&bytes).tiers;
+            let at = |tier: usize| Asset::parse(&bytes[..tiers[tier] as usize]).unwrap().layers.remove(0);
+            assert_eq!(tiers.len(), 5);
+            assert!((0..2).all(|tier| at(tier).residual.is_none()));
+            // The lobes of the first tier are those of a cluster, those of the next ones the texels' own.
+            assert_ne!(at(0).lobe_refs, at(1).lobe_refs);
+            assert_eq!(at(1).lobe_refs, asset.layers[0].lobe_refs);
+            for (tier, components) in [(2, 2), (3, 2), (4, 4)] {
+                let read = at(tier).residual.unwrap();
+                let whole = asset.layers[0].residual.as_ref().unwrap();
+                assert_eq!(read.coefficients[..], whole.coefficients[..components], "{tier}");
+                assert_eq!(read.groups[..], whole.groups[..components / 2], "{tier}");
+                assert_eq!(read.factors, whole.factors);
+            }
+        }
+    }
+
+    #[test]
+    fn smooth_coefficients_take_fewer_bytes_when_they_are_predicted() {
+        let mut asset = sample_grouped_asset(5, 64, 48, ResidualKind::Root);
+        for plane in &mut residual(&mut asset).coefficients[..3] {
+            let wave = |texel: usize| 40.0 * ((texel % 64) as f32 * 0.11).sin() + 30.0 * ((texel / 64) as f32 * 0.17).cos();
+            plane.codes.iter_mut().enumerate().for_each(|(texel, code)| *code = wave(texel) as i8 + *code / 32);
+        }
+        let mut plain = asset.clone();
+        residual(&mut plain).groups.clear();
+        let mut blind = asset.clone();
+        residual(&mut blind).groups.iter_mut().for_each(|group| (group.inputs, group.own) = ([0; 4], 0));
+        let [plain, blind, predicted] = [&plain, &blind, &asset].map(|asset| {
+            let kinds = [SectionKind::Coefficients, SectionKind::PredictedCoefficients].map(|kind| kind as u32);
+            let sections = directory(&pack(asset).unwrap()).sections;
+            sections.iter().filter(|entry| kinds.contains(&entry.kind)).map(|entry| entry.length).sum::<u32>()
+        });
+        assert!(predicted < plain * 70 / 100 && predicted < blind * 70 / 100, "{plain} {blind} {predicted}");
+    }
+
+    #[test]
+    fn codes_of_any_size_come_back() {
+        let mut asset = sample_grouped_asset(6, 24, 18, ResidualKind::Root);
+        let mut random = Random::new(6);
+        let extremes = [-128i8, 127, 0, 1, -1, 64];
+        for plane in &mut residual(&mut asset).coefficients[..3] {
+            plane.codes.iter_mut().for_each(|code| *code = extremes[random.below(extremes.len())]);
+            // Numbers that overflow a single: predictions are not finite, and stay lossless.
+            plane.step = [1e9, 0.0][random.below(2)];
+        }
+        asset.layers[0].predict_lobes();
+        let mut weights = asset.layers[0].lobe_weights.take().unwrap();
+        let layer = &asset.layers[0];
+        weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
+        asset.layers[0].lobe_weights = Some(weights);
+        asset.layers[0].predict_lobes();
+        for basis in &mut residual(&mut asset).bases {
+            basis.steps.iter_mut().for_each(|step| *step = 1e4);
+            basis.values.iter_mut().for_each(|code| *code = code.saturating_mul(600));
+        }
+        assert_eq!(Asset::parse(&pack(&asset).unwrap()).unwrap(), asset);
+    }
+
+    #[test]
+    fn chosen_codes_cost_little_error_and_the_told_bytes() {
+        let mut asset = sample_grouped_asset(7, 64, 48, ResidualKind::Root);
+        let texel_clusters = asset.layers[0].texel_clusters.clone();
+        let codes = texel_major(&residual(&mut asset).coefficients, texel_clusters.len());
+        let mut random = Random::new(7);
+        // Clusters want nothing of components that they do not have.
+        let off = |code: i8| if code == 0 { 0.0 } else { random.within(-0.5, 0.5) };
+        let off: Vec<f32> = codes.iter().copied().map(off).collect();
+        let wanted: Vec<f32> = codes.iter().zip(&off).map(|(code, off)| f32::from(*code) + off).collect();
+        let noise = off.iter().map(|off| f64::from(*off).powi(2)).sum::<f64>() / off.len() as f64;
+        let chosen = |price: f32| {
+            let mut asset = asset.clone();
+            let bytes = choose_coefficients(residual(&mut asset), (64, &texel_clusters), &wanted, price);
+            let made = texel_major(&residual(&mut asset).coefficients, texel_clusters.len());
+            let error = |(wanted, code): (&f32, &i8)| f64::from(wanted - f32::from(*code)).powi(2);
+            let used = wanted.iter().zip(&made).map(error).sum::<f64>() / wanted.len() as f64;
+            asset.layers[0].lobe_weights = None;
+            assert_eq!(packed_len(&asset, std::slice::from_ref(&bytes)).unwrap(), pack(&asset).unwrap().len());
+            (bytes.iter().sum::<usize>(), used)
+        };
+        let [free, cheap, dear] = [0.0, 0.12, 0.5].map(chosen);
+        assert!(dear.0 < cheap.0 && cheap.0 < free.0, "{free:?} {cheap:?} {dear:?}");
+        assert!((free.1 - noise).abs() < 1e-6 * noise, "{free:?} {noise}");
+        // Each bit less costs about the error that it may cost.
+        for (dear, cheap, price) in [(free, cheap, 0.12), (cheap, dear, 0.5)] {
+            let spent = (cheap.1 - dear.1) * wanted.len() as f64 / (8.0 * (dear.0 - cheap.0) as f64);
+            assert!((0.3 * price..2.0 * price).contains(&spent), "{dear:?} {cheap:?} {spent}");
+        }
+    }
+
+    #[test]
+    fn a_group_that_asks_for_too_much_is_refused() {
+        let asset = sample_grouped_asset(8, 24, 18, ResidualKind::Root);
+        let bytes = pack(&asset).unwrap();
+        let changed = |word: usize, value: u32| {
+            let mut parts = FileParts::from_bytes(&bytes).unwrap();
+            let kind = SectionKind::PredictedCoefficients as u32;
+            let section = parts.sections.iter_mut().rfind(|section| section.head[0] == kind).unwrap();
+            section.bytes[4 * word..4 * word + 4].copy_from_slice(&value.to_le_bytes());
+            match Asset::parse(&parts.to_bytes()) {
+                Err(FormatError::Section { reason, .. }) => Some(reason),
+                _ => None,
+            }
+        };
+        // Shared bases, components, inputs that are not decoded yet, own ones of the group itself.
+        for (word, value) in [(0, 2000), (0, 4), (1, 0), (1, 3), (2, 5), (5, 300), (6, 3)] {
+            assert_eq!(changed(word, value), Some(rule::GROUP), "{word} {value}");
+        }
+        let frame = |clusters: &[u8], allowed: bool| {
+            let residual = asset.layers[0].residual.as_ref().unwrap();
+            let (bases, steps) = (&residual.bases[..], [1.0; 4]);
+            let frame = CoefficientFrame { width: 1000, texel_clusters: clusters, bases, steps: &steps, components: 4 };
+            assert_eq!(frame.allows(&residual.groups[1], 2, 100), allowed);
+        };
+        frame(&[0; 1000], true);
+        frame(&[0; 1_000_000], false);
+        let mut bad = asset.clone();
+        residual(&mut bad).groups[1].own = 3;
+        assert!(matches!(pack(&bad), Err(FormatError::Pack { .. })));
+    }
 }

@@ -7,7 +7,7 @@ use crate::asset::heights::Heights;
 use crate::asset::lobe::{Lobe, LobeFamily};
 use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::relief::Relief;
-use crate::asset::residual::{Basis, Coefficients, Factors, Residual, ResidualKind, SharedBases};
+use crate::asset::residual::{Basis, Coefficients, Factors, PredictedGroup, Residual, ResidualKind, SharedBases};
 use crate::asset::sphere::Sphere;
 use crate::testing::random::{Random, direction_from_cos, ring_directions};
 use half::f16;
@@ -107,6 +107,41 @@ pub fn sample_predicted_asset(seed: u64, width: usize, height: usize, kind: Resi
     let mut weights = LobeWeights { step: 1.0 / 64.0, units: vec![40.0, 60.0], codes, nodes: Vec::new() };
     weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
     layer.lobe_weights = Some(weights);
+    layer.predict_lobes();
+    asset
+}
+
+/// Returns an asset like [`sample_predicted_asset`] whose coefficients are smooth over the texels and are predicted in two
+/// groups, with factors that few digits tell. One cluster lacks the last component.
+pub fn sample_grouped_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) -> Asset {
+    let mut asset = sample_predicted_asset(seed, width, height, kind);
+    let layer = &mut asset.layers[0];
+    let place = |texel: usize| [(texel % width) as f32, (texel / width) as f32];
+    let patch = |texel: usize| (place(texel)[0] / 5.0 + (0.4 * place(texel)[1]).sin()) as usize % CLUSTERS;
+    layer.texel_clusters = (0..width * height).map(|texel| patch(texel) as u8).collect();
+    let Some(residual) = &mut layer.residual else { return asset };
+    residual.bases[COMPONENTS].values[SHARED..2 * SHARED].fill(0);
+    for (j, plane) in residual.coefficients.iter_mut().enumerate() {
+        let size = [100.0, 25.0, 6.0, 1.5][j];
+        for (texel, (code, cluster)) in plane.codes.iter_mut().zip(&layer.texel_clusters).enumerate() {
+            let [x, y] = place(texel);
+            let has = j + 1 < COMPONENTS || *cluster != 1;
+            let smooth = size * ((0.3 * x + j as f32).sin() + (0.25 * y).cos());
+            *code = if has { (0.6 * smooth) as i8 + *code / 16 } else { 0 };
+        }
+    }
+    let factors = &mut residual.factors;
+    for x in factors.view.iter_mut().chain(&mut factors.light).flatten() {
+        *x = f16::from_f32((x.to_f32() * 64.0).round() / 64.0);
+    }
+    residual.groups = vec![
+        PredictedGroup { components: 2, inputs: [2, 2, 1, 0], own: 0 },
+        PredictedGroup { components: 2, inputs: [4, 3, 1, 2], own: 2 },
+    ];
+    if let Some(mut weights) = layer.lobe_weights.take() {
+        weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
+        layer.lobe_weights = Some(weights);
+    }
     layer.predict_lobes();
     asset
 }
