@@ -169,9 +169,9 @@ impl Default for FitParams {
 
 impl FitParams {
     /// Returns the clusters that a fit of `texels` texels a layer does best with when it may spend `bytes` on each
-    /// layer: with less than 2 bytes a texel, ids of 32 clusters take bytes that coefficients use better.
+    /// layer: with less than a byte a texel, ids of 32 clusters take bytes that coefficients use better.
     pub fn clusters_for(bytes: Option<u64>, texels: usize) -> usize {
-        if bytes.is_some_and(|bytes| bytes < 2 * texels as u64) { 16 } else { FitParams::default().clusters }
+        if bytes.is_some_and(|bytes| bytes < texels as u64) { 16 } else { FitParams::default().clusters }
     }
 
     /// Returns the most lobes that a fit should have whose layers have `clusters` clusters and may take `bytes` each,

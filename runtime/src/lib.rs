@@ -68,10 +68,10 @@ pub use decode::relief::lit_share;
 pub use decode::sample::MIN_ALPHA;
 pub use decode::viewed_texel::{LightRows, ViewedTexel};
 pub use error::FormatError;
+pub use file::coefficient_coding::choose_coefficients;
 pub use file::format::{
     Form, Head, MAGIC, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory, read_version,
 };
-pub use file::coefficient_coding::choose_coefficients;
 pub use file::pack::{pack, packed_len};
 pub use file::resident_file::ResidentFile;
 pub use file::validate::{Report, validate};

@@ -3,13 +3,13 @@
 use crate::error::FitError;
 use crate::input::tile_cache::{DecodedImages, TileCache};
 use crate::monitor::Monitor;
-use crate::stages::encode::Coding;
 use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{assemble, greatest_coefficient};
 use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::memory_plan::{MemoryPlan, plan_memory};
 use crate::pipeline::prepare_layer::{PreparedLayer, prepare_layer};
 use crate::resume::checkpoint::Checkpoint;
+use crate::stages::encode::Coding;
 use crate::stages::rate_labels::{TexelGoal, step_for};
 use btf_capture::Capture;
 use btf_runtime::{Asset, MAX_LAYERS};

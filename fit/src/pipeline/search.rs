@@ -51,7 +51,6 @@ impl StepSearch<'_> {
             within_bytes(bytes, greatest, exponent, |step| {
                 self.monitor.report("encode", round, 2 * SEARCH_ROUNDS)?;
                 round += 1;
-                if std::env::var("SEARCHLOG").is_ok() { eprintln!("step {step} log {}", (step / greatest).log2()); }
                 let made = self.assemble_with(step, most, Coding::Predicted);
                 Ok::<_, FitError>(Candidate { bytes: packed_len(&made.asset, &made.group_bytes)?, value: made })
             })

@@ -89,7 +89,6 @@ fn code(value: f32, step: f32, dead_zone: f32) -> f32 {
     (steps.abs() + 0.5 - dead_zone).floor().copysign(steps)
 }
 
-
 /// Returns the codes of `values` and their step: about `step`, larger where the codes would need more than 16 bits.
 fn quantize(values: &[f32], step: f64) -> (f32, Vec<i16>) {
     let peak = values.iter().fold(0.0f32, |peak, x| peak.max(x.abs()));
@@ -270,13 +269,16 @@ impl Model {
                 }
             }
         }
-        let factor_steps = carried.map(|sides| sides.map(|side| side.iter().map(|energy| FACTOR_STEP * step / energy.max(1e-30).sqrt()).collect()));
+        let factor_steps = carried.map(|sides| {
+            sides.map(|side| side.iter().map(|energy| FACTOR_STEP * step / energy.max(1e-30).sqrt()).collect())
+        });
         let rounded = self.rotated.rounded_factors(ranks, &factor_steps);
         let coded: Vec<(f32, Vec<i16>)> = (0..self.rotated.count())
             .into_par_iter()
             .map(|basis| {
                 let core = |channel: usize| rounded.nearest_core(self.rotated.core(basis, channel), channel);
-                let values: Vec<f32> = (0..3).flat_map(|channel| core(channel).into_iter().collect::<Vec<_>>()).collect();
+                let values: Vec<f32> =
+                    (0..3).flat_map(|channel| core(channel).into_iter().collect::<Vec<_>>()).collect();
                 quantize(&values, steps[basis])
             })
             .collect();
@@ -299,10 +301,14 @@ impl Model {
             let step = shared.bases.steps[basis];
             let mut at = basis * len;
             for (channel, [rv, rl]) in shared.ranks.iter().enumerate() {
-                let core = Array2::from_shape_fn((*rv, *rl), |(r, s)| step * f32::from(shared.bases.values[at + r * rl + s]));
+                let core =
+                    Array2::from_shape_fn((*rv, *rl), |(r, s)| step * f32::from(shared.bases.values[at + r * rl + s]));
                 at += rv * rl;
                 let exact = shared.factors.exact_core(core.view(), channel);
-                row.slice_mut(s![channel * views * lights..(channel + 1) * views * lights]).iter_mut().zip(&exact).for_each(|(x, y)| *x = *y);
+                row.slice_mut(s![channel * views * lights..(channel + 1) * views * lights])
+                    .iter_mut()
+                    .zip(&exact)
+                    .for_each(|(x, y)| *x = *y);
             }
         });
         let mut exact = Array2::<f32>::zeros((self.rotated.count(), 3 * views * lights));
@@ -335,7 +341,10 @@ impl Model {
             quantize(&mixtures.dot(&cluster.mean).to_vec(), step / (texels as f64).sqrt())
         });
         for j in 0..kept {
-            bases.push(quantize(&nearest.column(j).to_vec(), MIXTURE_STEP * step / cluster.variances[j].max(1e-30).sqrt()));
+            bases.push(quantize(
+                &nearest.column(j).to_vec(),
+                MIXTURE_STEP * step / cluster.variances[j].max(1e-30).sqrt(),
+            ));
         }
         // What quantised to nothing has no coefficients; components are dropped from the end only.
         let kept = (1..=kept).take_while(|j| bases[*j].1.iter().any(|q| *q != 0)).count();

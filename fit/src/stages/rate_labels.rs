@@ -74,7 +74,9 @@ pub fn assign_by_rate(scores: ArrayView2<f32>, labels: &mut [u32], clusters: usi
         for sweep in 0..SWEEPS {
             let before = labels.to_vec();
             labels.par_chunks_mut(width).enumerate().for_each(|(row, labels)| {
-                for (column, label) in labels.iter_mut().enumerate().filter(|(column, _)| (column + row + sweep) % 2 == 0) {
+                for (column, label) in
+                    labels.iter_mut().enumerate().filter(|(column, _)| (column + row + sweep) % 2 == 0)
+                {
                     let at = row * width + column;
                     let others = [
                         (column > 0).then(|| at - 1),
@@ -155,7 +157,8 @@ mod tests {
 
     #[test]
     fn the_step_follows_the_goal() {
-        let scores = Array2::from_shape_fn((500, 3), |(i, c)| ((i * (c + 3) * 37 % 101) as f32 - 50.0) / (c + 1) as f32);
+        let scores =
+            Array2::from_shape_fn((500, 3), |(i, c)| ((i * (c + 3) * 37 % 101) as f32 - 50.0) / (c + 1) as f32);
         let models = local_pca(scores.view(), &[0; 500], 1, 3);
         let [few, many] = [2.0, 4.0].map(|bytes| step_for(&models, TexelGoal::Bytes(bytes)));
         assert!(many < 0.7 * few, "{few} {many}");

@@ -191,9 +191,9 @@ impl Differences {
         while length < LARGE_DIGITS && coder.bit(&mut self.longer[length], (length as u32) < given) {
             length += 1;
         }
-        (0..length).rev().fold(1, |read, bit| {
-            read << 1 | u32::from(coder.bit(&mut self.digit[bit], value >> bit & 1 == 1))
-        })
+        (0..length)
+            .rev()
+            .fold(1, |read, bit| read << 1 | u32::from(coder.bit(&mut self.digit[bit], value >> bit & 1 == 1)))
     }
 
     /// Returns about the bits of a difference.
@@ -429,7 +429,9 @@ impl<'a, 'b> Rows<'a, 'b> {
                 inputs.iter_mut().zip(codes).for_each(|(x, code)| *x = f32::from(*code));
             } else {
                 let value = &self.values[if down < 0 { 0 } else { 1 }][x as usize * shared..][..shared];
-                for ((value, mean), row) in value.iter().zip(&cluster.mean).zip(cluster.codes.chunks_exact(widest.max(1))) {
+                for ((value, mean), row) in
+                    value.iter().zip(&cluster.mean).zip(cluster.codes.chunks_exact(widest.max(1)))
+                {
                     add_scaled(inputs, value - mean, row);
                 }
             }
@@ -635,7 +637,8 @@ mod tests {
     fn smooth_coefficients_take_fewer_bytes_when_they_are_predicted() {
         let mut asset = sample_grouped_asset(5, 64, 48, ResidualKind::Root);
         for plane in &mut residual(&mut asset).coefficients[..3] {
-            let wave = |texel: usize| 40.0 * ((texel % 64) as f32 * 0.11).sin() + 30.0 * ((texel / 64) as f32 * 0.17).cos();
+            let wave =
+                |texel: usize| 40.0 * ((texel % 64) as f32 * 0.11).sin() + 30.0 * ((texel / 64) as f32 * 0.17).cos();
             plane.codes.iter_mut().enumerate().for_each(|(texel, code)| *code = wave(texel) as i8 + *code / 32);
         }
         let mut plain = asset.clone();

@@ -272,7 +272,9 @@ fn check_residual(residual: &Residual, layer: &Layer, texels: usize) -> Result<(
     let mut first = 0;
     for group in &residual.groups {
         if !group.is_valid_behind(first) {
-            return refuse("a group of predicted coefficients has no component, or inputs that are not decoded before it");
+            return refuse(
+                "a group of predicted coefficients has no component, or inputs that are not decoded before it",
+            );
         }
         first += group.components;
     }

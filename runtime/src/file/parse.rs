@@ -648,8 +648,9 @@ fn read_predicted(
         faults.keep(coded)?;
         first += head.group.components;
     }
-    let plane = |(j, step): (usize, &f32)| {
-        Coefficients { step: *step, codes: codes.iter().skip(j).step_by(steps.len()).copied().collect() }
+    let plane = |(j, step): (usize, &f32)| Coefficients {
+        step: *step,
+        codes: codes.iter().skip(j).step_by(steps.len()).copied().collect(),
     };
     let coefficients = steps.iter().enumerate().map(plane).collect();
     Some(PredictedParts { shared, groups: heads.iter().map(|(head, _)| head.group).collect(), bases, coefficients })
@@ -701,9 +702,8 @@ fn read_predicted_residual(
     {
         return faults.keep(reader.bad(rule::BASES_TOO_LARGE));
     }
-    let readers: Vec<Reader> = (0..2)
-        .map_while(|index| sections.get_in_tier(SectionKind::SharedBasesPart, layer, index, faults))
-        .collect();
+    let readers: Vec<Reader> =
+        (0..2).map_while(|index| sections.get_in_tier(SectionKind::SharedBasesPart, layer, index, faults)).collect();
     let factors = factors?;
     let core = factors.core_len();
     let read = map(threads, readers.len(), |index| read_shared_part(readers[index].clone(), parts.shared, core));

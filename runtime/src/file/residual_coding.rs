@@ -54,7 +54,9 @@ impl FactorCodes {
             for side in 0..2 {
                 let (rank, codes) = (ranks[channel][side], &self.matrices[channel][side]);
                 let mut matrix = vec![f16::ZERO; codes.len()];
-                for (column, (codes, exponent)) in codes.chunks(shape[side].max(1)).zip(exponents.by_ref().take(rank)).enumerate() {
+                for (column, (codes, exponent)) in
+                    codes.chunks(shape[side].max(1)).zip(exponents.by_ref().take(rank)).enumerate()
+                {
                     let step = f32::from(*exponent).exp2().recip();
                     for (direction, code) in codes.iter().enumerate() {
                         matrix[direction * rank + column] = f16::from_f32(f32::from(*code) * step);

@@ -2,7 +2,9 @@
 
 use super::second_reader::{Lines, add_extreme_lobes, edits, parsed, read_by_the_document, resident_bytes, wide};
 use super::{document_bytes, named};
-use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_predicted_asset, sample_relief_asset};
+use btf_runtime::testing::{
+    Random, sample_asset, sample_grouped_asset, sample_heights, sample_predicted_asset, sample_relief_asset,
+};
 use btf_runtime::{
     Asset, DecodeOptions, Interpolation, Layer, LobeRole, Relief, Resident, ResidualKind, SurfaceSide, decode, pack,
     read_directory, serial, with_levels,
@@ -167,8 +169,11 @@ fn the_resident_form_decodes_to_the_values_of_a_decoder_written_from_the_documen
 #[test]
 fn predicted_lobes_of_every_tier_decode_to_the_second_readers_values() {
     let mut random = Random::new(2);
-    for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
-        let mut asset = sample_predicted_asset(kind as u64, 9, 7, kind);
+    let kinds = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
+    // With plain coefficients in eight tiers, and with predicted ones in five.
+    let made = [(sample_predicted_asset as fn(u64, usize, usize, ResidualKind) -> Asset, 8), (sample_grouped_asset, 5)];
+    for (kind, (sample, count)) in kinds.into_iter().flat_map(|kind| made.map(|made| (kind, made))) {
+        let mut asset = sample(kind as u64, 9, 7, kind);
         if kind == ResidualKind::Log {
             // Nodes that are stored: those of texels without the last one.
             let weights = asset.layers[0].lobe_weights.as_mut().unwrap();
@@ -176,13 +181,13 @@ fn predicted_lobes_of_every_tier_decode_to_the_second_readers_values() {
         }
         let bytes = pack(&asset).unwrap();
         let tiers = read_directory(&bytes).unwrap().tiers;
-        assert_eq!(tiers.len(), 8);
+        assert_eq!(tiers.len(), count);
         for (number, tier) in tiers.iter().enumerate() {
             let cut = &bytes[..*tier as usize];
             let asset = Asset::parse(cut).unwrap();
             let queries = random_queries(&asset, 30, &mut random);
             let lines: String = queries.iter().map(|query| query.line() + "\n").collect();
-            let read = read_by_the_document(&format!("predicted-{}-{number}", kind as u32), cut, &[], &lines);
+            let read = read_by_the_document(&format!("predicted-{}-{count}-{number}", kind as u32), cut, &[], &lines);
             let other = |asset: &Asset| {
                 let resident = Resident::from_asset(asset);
                 let values: Vec<[f32; 3]> = queries.iter().map(|query| query.value(&resident)).collect();

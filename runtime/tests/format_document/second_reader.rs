@@ -3,7 +3,7 @@
 
 use super::document::{output_of, python};
 use super::{block, document_bytes, example};
-use btf_runtime::testing::{FileParts, core_at_pair, sample_asset, sample_heights};
+use btf_runtime::testing::{FileParts, core_at_pair, sample_asset, sample_grouped_asset, sample_heights};
 use btf_runtime::{
     Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, ResidentFile,
     ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, pack, serial, with_levels,
@@ -310,6 +310,53 @@ fn both_forms_hold_the_same_texels_and_edits() {
     assert!(differs.is_some_and(|name| name.starts_with("layer 0 level 0: edit 2: dictionary")));
 }
 
+/// Coefficients that are predicted, in every tier: the same codes, and the same bases of those at hand.
+#[test]
+fn predicted_coefficients_are_read_by_the_document_from_every_tier() {
+    for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
+        let mut asset = sample_grouped_asset(30 + kind as u64, 14, 11, kind);
+        if kind == ResidualKind::Log {
+            // Predictions that are not finite, and differences of every size.
+            let residual = asset.layers[0].residual.as_mut().unwrap();
+            residual.coefficients[1].step = 1e9;
+            residual.bases[2].steps.iter_mut().for_each(|step| *step = 1e4);
+            let sizes = [-128, 127, 90, -60, 30, -18, 17, 19, 0, 1];
+            let codes = residual.coefficients[1].codes.iter_mut().skip(60);
+            codes.zip(sizes.iter().cycle()).for_each(|(code, size)| *code = *size);
+            // Factors that few digits do not tell.
+            residual.factors.view[0][0] = half::f16::from_bits(0x3555);
+            residual.factors.view[0].iter_mut().skip(1).for_each(|x| *x = half::f16::from_bits(x.to_bits() | 1));
+            let mut weights = asset.layers[0].lobe_weights.take().unwrap();
+            let layer = &asset.layers[0];
+            weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
+            asset.layers[0].lobe_weights = Some(weights);
+            asset.layers[0].predict_lobes();
+        }
+        let bytes = pack(&with_levels(&asset, &serial)).unwrap();
+        for (tier, length) in btf_runtime::read_directory(&bytes).unwrap().tiers.iter().enumerate() {
+            let cut = &bytes[..*length as usize];
+            let read = read_by_the_document(&format!("grouped-{}-{tier}", kind as u32), cut, &[], "");
+            let mut asset = Asset::parse(cut).unwrap();
+            // The decoder's tests have the residuals' values, from which lobes take their part.
+            let mut expected = numbers_of(&asset);
+            expected.retain(|name, _| !name.contains("residual of texel"));
+            let missing: Vec<_> = expected.keys().filter(|name| !read.contains_key(*name)).collect();
+            assert!(missing.is_empty(), "{kind:?} {tier}: {missing:?}");
+            assert_eq!(first_difference(&read, &expected), None, "{kind:?} {tier}");
+            // Planted differences: a code of the last component at hand; another shared basis.
+            let Some(residual) = &mut asset.layers[0].residual else { continue };
+            let last = residual.coefficients.len();
+            residual.coefficients[last - 1].codes[5] ^= 1;
+            let differs = first_difference(&read, &numbers_of(&asset));
+            assert_eq!(differs, Some(format!("layer 0 level 0: coefficients {last}")), "{kind:?} {tier}");
+            let mut asset = Asset::parse(cut).unwrap();
+            asset.layers[0].residual.as_mut().unwrap().shared.values[1] ^= 4;
+            let differs = first_difference(&read, &numbers_of(&asset)).unwrap();
+            assert!(differs.starts_with("layer 0: core"), "{kind:?} {tier}: {differs}");
+        }
+    }
+}
+
 #[test]
 fn the_documents_decisions_are_those_of_the_first_coefficients() {
     let bytes = document_bytes();
@@ -352,14 +399,19 @@ const STREAMS: [SectionKind; 9] = [
     SectionKind::Edits,
 ];
 
+/// Those where coefficients are predicted.
+const PREDICTED_STREAMS: [SectionKind; 3] =
+    [SectionKind::PredictedCoefficients, SectionKind::SharedBasesPart, SectionKind::FactorCodes];
+
 #[test]
 fn both_readers_refuse_a_stream_that_is_not_consumed_exactly() {
     let mut asset = sample_asset(12, 6, 5, ResidualKind::Log);
     asset.layers[0].heights = Some(sample_heights(12, asset.texel_count()));
     asset.edits = edits(asset.texel_count());
     let bytes = pack(&with_levels(&asset, &serial)).unwrap();
-    let parts = FileParts::from_bytes(&bytes).unwrap();
+    let predicted = pack(&sample_grouped_asset(12, 12, 9, ResidualKind::Root)).unwrap();
     let changed = |kind: SectionKind, longer: bool| {
+        let parts = FileParts::from_bytes(if STREAMS.contains(&kind) { &bytes } else { &predicted }).unwrap();
         let at = parts.sections.iter().position(|section| section.head[0] == kind as u32).unwrap();
         let mut changed = parts.clone();
         let section = &mut changed.sections[at].bytes;
@@ -370,14 +422,15 @@ fn both_readers_refuse_a_stream_that_is_not_consumed_exactly() {
         }
         changed.to_bytes()
     };
-    let files: Vec<Vec<u8>> =
-        STREAMS.into_iter().flat_map(|kind| [true, false].map(|longer| changed(kind, longer))).collect();
-    let refusals = refused_by_the_document("not-exact", &[files.clone(), vec![bytes]].concat());
+    let kinds = STREAMS.into_iter().chain(PREDICTED_STREAMS);
+    let files: Vec<Vec<u8>> = kinds.flat_map(|kind| [true, false].map(|longer| changed(kind, longer))).collect();
+    let controls = vec![bytes.clone(), predicted.clone()];
+    let refusals = refused_by_the_document("not-exact", &[files.clone(), controls].concat());
     for (i, file) in files.iter().enumerate() {
         assert!(Asset::parse(file).is_err(), "{i}");
         assert_eq!(refusals[i].as_deref(), Some("a stream is not as long as its numbers need"), "{i}");
     }
-    assert_eq!(refusals[files.len()], None, "the control must pass");
+    assert_eq!(refusals[files.len()..], [None, None], "the controls must pass");
 }
 
 #[test]

@@ -7,7 +7,7 @@ from spmm.entropy_coder import Decoder, must
 
 MATERIAL, LAYER, DIRECTIONS, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS, DICTIONARY, LOBE_REFS = range(1, 8)
 FACTORS, SHARED_BASES, BASIS, COEFFICIENTS, HEIGHT, LEVEL, EDITS, WORDS = range(8, 16)
-LOBE_WEIGHTS, RELIEF = 16, 17
+LOBE_WEIGHTS, RELIEF, PREDICTED_COEFFICIENTS, SHARED_BASES_PART, FACTOR_CODES = range(16, 21)
 
 
 class Section:
@@ -114,7 +114,7 @@ class Header(Container):
         self.form, self.size_mm = words[14], struct.unpack("<2f", data[60:68])
         must(self.form <= 1, "the form is not known")
         must(self.size_mm == (0, 0) or all(0 < x <= 1e6 for x in self.size_mm), "the physical size is out of its range")
-        self.read_tables(256 if self.form == 1 else 16, self.layers, range(MATERIAL, RELIEF + 1))
+        self.read_tables(256 if self.form == 1 else 16, self.layers, range(MATERIAL, FACTOR_CODES + 1))
         must(self.form == 0 or len(self.tiers) == 1, "the resident form has one tier")
         self.material = str(self.section(MATERIAL, 0).data, "utf-8")
 

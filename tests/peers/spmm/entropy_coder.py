@@ -145,6 +145,19 @@ def plane(decoder, width, rows, least, most):
     return numbers
 
 
+def columns(decoder, width, rows):
+    model, means, numbers = Signed(), [0] * width, []
+    for i in range(rows):
+        shift = min(4, (i + 1).bit_length() - 1)
+        for column, m in enumerate(means):
+            number = model.number(decoder, m // 2, 0)
+            size = 64 * abs(number)
+            means[column] = m + ((size - m) >> shift) if size > m else m - ((m - size) >> shift)
+            numbers.append(number)
+    must(all(-32768 <= number <= 32767 for number in numbers), "a code is out of its range")
+    return numbers
+
+
 def byte_plane(decoder, width, rows):
     return plane(decoder, width, rows, -128, 127)
 

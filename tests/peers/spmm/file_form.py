@@ -5,12 +5,14 @@ from dataclasses import replace
 from functools import cache
 
 from spmm.container import BASIS, COEFFICIENTS, DICTIONARY, DIRECTIONS, EDITS, FACTORS, HEIGHT, LAYER, LEVEL
-from spmm.container import LOBE_REFS, LOBE_WEIGHTS, RELIEF, SHARED_BASES, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS
+from spmm.container import FACTOR_CODES, LOBE_REFS, LOBE_WEIGHTS, PREDICTED_COEFFICIENTS, RELIEF, SHARED_BASES
+from spmm.container import SHARED_BASES_PART, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS
 from spmm.container import sides_of_levels
 from spmm.decoding import BASE, ROOT, WINDOWED_COSINE, Edit, Layer, Lobe, Relief, carried, clamp, curve, edited_lobe
 from spmm.decoding import keep, lobe_value, raised, relief_record, within_ranges, within_relief_ranges
 from spmm.directions import direction_set, single
 from spmm.entropy_coder import byte_plane, cluster_ids, lobe_counts, lobe_references, must, plane
+from spmm.predicted_coefficients import Groups, factors, shared_bases
 
 FRAME = [
     [1 / math.sqrt(3)] * 3,
@@ -74,9 +76,12 @@ def read_layer(header, number, edits, texel_edits, show):
     ids = section(TEXEL_CLUSTERS).stream(texels, lambda stream: cluster_ids(stream, header.width, header.height))
     must(max(ids) < clusters, "a cluster is not there")
     dictionaries, angles = read_dictionary(section(DICTIONARY), clusters)
+    groups = None
+    if has_residual and header.has(PREDICTED_COEFFICIENTS, number, 1):
+        groups = Groups(header, number, ids, clusters, components)
     weights = None
     if header.has(LOBE_WEIGHTS, number):
-        weights = Weights(header, number, components * has_residual, ids, dictionaries)
+        weights = Weights(header, number, components * has_residual, ids, dictionaries, groups)
     if weights and not header.has(TEXEL_LOBE_COUNTS, number):
         kinds = TEXEL_CLUSTERS, DICTIONARY, LOBE_WEIGHTS
         most = sum(len(dictionaries[k]) for k in ids)
@@ -124,10 +129,13 @@ def read_layer(header, number, edits, texel_edits, show):
         show(f"layer {number}: {name} cell offsets", sphere.offsets)
         show(f"layer {number}: {name} items", sphere.items)
     complete = all(header.has(kind, number) for kind in (FACTORS, SHARED_BASES, BASIS))
+    if groups:
+        of_factors = header.has(FACTORS, number) or header.has(FACTOR_CODES, number)
+        complete = of_factors and header.has(SHARED_BASES_PART, number) and bool(groups.bases)
     must(complete or not has_residual or not header.whole, "a part of a residual is missing")
     if not has_residual or not complete:
         return layer, None
-    bases = Bases(header, number, layer, components, show)
+    bases = Bases(header, number, layer, components, show, groups)
     if weights:
         weights.take_from(bases, layer)
     return bases.given_to(layer, bases.codes), bases
@@ -212,7 +220,7 @@ def read_level(part, finest, bases, size):
 class Weights:
     """The lobe weights of a layer: `codes[cluster][lobe][channel]`, and the inputs of texels and of clusters' nodes."""
 
-    def __init__(self, header, number, components, ids, dictionaries):
+    def __init__(self, header, number, components, ids, dictionaries, groups):
         part = header.section(LOBE_WEIGHTS, number)
         inputs, most, stored = part.numbers("I", 3)
         (self.step,) = part.numbers("f", 1)
@@ -230,8 +238,8 @@ class Weights:
         codes, of_nodes = part.stream(rows * width + sum(counts) * inputs, read)
         rows = iter([codes[i : i + width] for i in range(0, len(codes), width)])
         self.codes = [[[next(rows) for _ in range(3)] for _ in lobes] for lobes in dictionaries]
-        planes = []
-        for j in range(1, min(inputs, components) + 1):
+        planes = groups.planes[:inputs] if groups else []
+        for j in range(1, 1 if groups else min(inputs, components) + 1):
             if not header.has(COEFFICIENTS, number, j):
                 break
             part = header.section(COEFFICIENTS, number, j)
@@ -308,39 +316,51 @@ def solve(matrix, right):
 class Bases:
     """The bases of a layer at all pairs, in double precision, and the codes of the finest level's texels."""
 
-    def __init__(self, header, number, layer, components, show):
+    def __init__(self, header, number, layer, components, show, groups):
         lights, views, clusters = len(layer.lights.directions), len(layer.views.directions), len(layer.dictionaries)
         self.lights, self.views = lights, views
         # What lobes take, by cluster, pair and channel: a constant, and for a code of 1 of each component.
         self.taken = {}
-        part = header.section(FACTORS, number)
-        words = part.numbers("I", 8)
-        must(max(words[:6]) <= 256 and words[6:] == [0, 0], "a rank is out of its range")
-        self.ranks = [words[0:2], words[2:4], words[4:6]]
-        self.factors = [(part.numbers("e", views * rv), part.numbers("e", lights * rl)) for rv, rl in self.ranks]
-        must(all(math.isfinite(x) for pair in self.factors for m in pair for x in m), "a factor is not finite")
-        part.end()
+        if groups and header.has(FACTOR_CODES, number):
+            self.ranks, self.factors = factors(header, number, views, lights)
+        else:
+            part = header.section(FACTORS, number)
+            words = part.numbers("I", 8)
+            must(max(words[:6]) <= 256 and words[6:] == [0, 0], "a rank is out of its range")
+            self.ranks = [words[0:2], words[2:4], words[4:6]]
+            self.factors = [(part.numbers("e", views * rv), part.numbers("e", lights * rl)) for rv, rl in self.ranks]
+            must(all(math.isfinite(x) for pair in self.factors for m in pair for x in m), "a factor is not finite")
+            part.end()
         must(views * lights * 3 * clusters * ((components + 2) // 2) <= 2**28, "the expanded bases are too large")
 
         core = sum(rv * rl for rv, rl in self.ranks)
-        part = header.section(SHARED_BASES, number)
-        (shared,) = part.numbers("I", 1)
-        must(shared <= 1024, "there are too many shared bases")
-        steps = part.steps(shared, 1e4)
-        codes = part.stream(shared * core, lambda stream: plane(stream, core, shared, -32768, 32767))
+        if groups:
+            steps, codes = shared_bases(header, number, core, groups.shared)
+            shared = len(steps)
+        else:
+            part = header.section(SHARED_BASES, number)
+            (shared,) = part.numbers("I", 1)
+            must(shared <= 1024, "there are too many shared bases")
+            steps = part.steps(shared, 1e4)
+            codes = part.stream(shared * core, lambda stream: plane(stream, core, shared, -32768, 32767))
         show(f"layer {number}: shared bases", codes)
         shared_cores = [[step * q for q in codes[r * core : (r + 1) * core]] for r, step in enumerate(steps)]
 
         # Bases and coefficients that are complete, in order; of each basis and cluster `[pair][rgb]`.
         self.at_pairs, self.codes, self.steps = [], [], [1.0]
-        for j in range(components + 1):
-            complete = header.has(BASIS, number, j) and (j == 0 or header.has(COEFFICIENTS, number, j))
+        for j in range(len(groups.bases) if groups else components + 1):
+            complete = header.has(BASIS, number, j) and (j == 0 or groups or header.has(COEFFICIENTS, number, j))
             must(complete or not header.whole, "a part of a residual is missing")
             if not complete:
                 break
-            part = header.section(BASIS, number, j)
-            steps = part.steps(clusters, 1e4)
-            codes = part.stream(clusters * shared, lambda stream: plane(stream, shared, clusters, -32768, 32767))
+            if groups:
+                steps, codes = groups.bases[j]
+                rows = range(0, len(codes), max(1, groups.shared))
+                codes = [code for at in rows for code in codes[at : at + shared]]
+            else:
+                part = header.section(BASIS, number, j)
+                steps = part.steps(clusters, 1e4)
+                codes = part.stream(clusters * shared, lambda stream: plane(stream, shared, clusters, -32768, 32767))
             show(f"layer {number}: basis {j}", codes)
             self.at_pairs.append([])
             for k in range(clusters):
@@ -348,7 +368,10 @@ class Bases:
                 mixed = [sum(w * entries[i] for w, entries in zip(weights, shared_cores)) for i in range(core)]
                 show(f"layer {number}: core {j} of cluster {k}", mixed)
                 self.at_pairs[j].append(self.expanded(mixed))
-            if j > 0:
+            if groups and j > 0:
+                self.steps.append(groups.steps[j - 1])
+                self.codes.append(groups.planes[j - 1])
+            elif j > 0:
                 part = header.section(COEFFICIENTS, number, j)
                 self.steps += part.steps(1, 1e9)
                 texels = layer.width * layer.height
