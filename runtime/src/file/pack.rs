@@ -555,7 +555,7 @@ fn factor_code_bytes(factors: &Factors, mut codes: FactorCodes) -> Vec<u8> {
 }
 
 /// Number of shared bases of the first part: enough for a picture of the means.
-const FIRST_SHARED: usize = 48;
+const FIRST_SHARED: usize = 24;
 
 /// Returns the bytes of a SharedBasesPart section: of the first shared bases or of the others.
 fn shared_bytes(residual: &Residual, part: usize) -> Vec<u8> {
