@@ -103,10 +103,14 @@ pub fn describe(bytes: &[u8]) -> Result<Description, FitError> {
     let asset = Asset::parse(bytes)?;
     let directory = read_directory(bytes)?;
     let tiers = directory.tiers.iter().map(|&length| {
-        let bases = directory.sections.iter().filter(|entry| {
-            entry.kind == SectionKind::Basis as u32 && entry.layer == 0 && entry.offset + entry.length <= length
-        });
-        TierDescription { bytes: length.into(), components: bases.count().checked_sub(1) }
+        let count = |kind: SectionKind| {
+            let of_kind = directory.sections.iter().filter(move |entry| entry.kind == kind as u32 && entry.layer == 0);
+            of_kind.filter(|entry| entry.offset + entry.length <= length).count()
+        };
+        // Bases alone, by which coefficients are predicted, are no residual.
+        let has_residual = count(SectionKind::Factors) + count(SectionKind::FactorCodes) > 0;
+        let components = count(SectionKind::Basis).checked_sub(1).filter(|_| has_residual);
+        TierDescription { bytes: length.into(), components }
     });
     Ok(Description {
         bytes: bytes.len() as u64,

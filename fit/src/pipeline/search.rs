@@ -9,7 +9,7 @@ use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{Assembled, assemble};
 use crate::pipeline::description::description_bytes;
 use crate::pipeline::prepare::PreparedFit;
-use crate::stages::budget::{Candidate, SEARCH_ROUNDS, within_bytes};
+use crate::stages::budget::{Candidate, SEARCH_ROUNDS, error_for_psnr, within_bytes};
 use crate::stages::encode::Coding;
 use btf_capture::Capture;
 use btf_runtime::{Asset, MAX_COMPONENTS, packed_len};
@@ -211,11 +211,4 @@ impl Bracket {
         self.last_above = Some(measured > db);
         next
     }
-}
-
-/// Returns the mean squared error in the root domain at which `psnr_db` is `db`: the 8-bit code is about
-/// `255 (1.055 g - 0.055)`, and rounding adds 1/12.
-pub fn error_for_psnr(db: f64) -> f64 {
-    let code_error = 255.0f64.powi(2) / 10f64.powf(db / 10.0);
-    (code_error - 1.0 / 12.0).max(1e-3) / (255.0f64 * 1.055).powi(2)
 }

@@ -272,9 +272,10 @@ fn section_bars(description: &Description) -> Markup {
         "TexelLobeCounts" => "lobe counts".into(),
         "Dictionary" => "dictionaries".into(),
         "LobeRefs" => "lobe references".into(),
-        "Factors" => "basis factors".into(),
-        "Basis" => "basis cores".into(),
-        "Coefficients" => "coefficients".into(),
+        "Factors" | "FactorCodes" => "basis factors".into(),
+        "SharedBases" | "SharedBasesPart" => "shared bases".into(),
+        "Basis" => "mixtures of the bases".into(),
+        "Coefficients" | "PredictedCoefficients" => "coefficients".into(),
         other => other.to_string(),
     };
     let rows: Vec<_> =

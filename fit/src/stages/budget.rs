@@ -82,6 +82,13 @@ pub fn within_bytes<T, E>(
     }
 }
 
+/// Returns the mean squared error in the root domain at which `psnr_db` is `db`: the 8-bit code is about
+/// `255 (1.055 g - 0.055)`, and rounding adds 1/12.
+pub fn error_for_psnr(db: f64) -> f64 {
+    let code_error = 255.0f64.powi(2) / 10f64.powf(db / 10.0);
+    (code_error - 1.0 / 12.0).max(1e-3) / (255.0f64 * 1.055).powi(2)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

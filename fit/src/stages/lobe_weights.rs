@@ -19,7 +19,7 @@ use ndarray::{Array1, Array2, ArrayView1, Axis, s};
 use rayon::prelude::*;
 
 /// Coefficients that weights depend on.
-const INPUTS: usize = 3;
+const INPUTS: usize = 4;
 /// Texels of a cluster over which decoders take the affine part of the lobes.
 const NODES: usize = 64;
 /// Step of the weights' codes, relative to the lobe's weight scale.

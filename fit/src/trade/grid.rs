@@ -381,17 +381,24 @@ pub(crate) fn decoder<'a>(
     decoder.with_single_bases(singles)
 }
 
-/// Returns the bytes of the tier with `setting`'s components, and of that tier's coefficients.
+/// Returns the bytes of the first tier that has `setting`'s components, and of that tier's coefficients.
 fn tier_bytes(bytes: &[u8], setting: &Setting) -> Result<(usize, usize), FitError> {
     let directory = read_directory(bytes)?;
     let within = |kind: SectionKind, length: u32| {
         let sections = directory.sections.iter().filter(move |entry| entry.kind == kind as u32);
         sections.filter(move |entry| entry.offset + entry.length <= length)
     };
-    let wanted = |tier: &&u32| within(SectionKind::Basis, **tier).count() == setting.components + 1;
+    let has =
+        |kinds: [SectionKind; 2], length: u32| kinds.into_iter().any(|kind| within(kind, length).next().is_some());
+    let wanted = |tier: &&u32| {
+        within(SectionKind::Basis, **tier).count() > setting.components
+            && has([SectionKind::Factors, SectionKind::FactorCodes], **tier)
+    };
     let length = match setting.limit {
         Limit::Decode => directory.tiers.iter().find(wanted).copied().unwrap_or(bytes.len() as u32),
         _ => bytes.len() as u32,
     };
-    Ok((length as usize, within(SectionKind::Coefficients, length).map(|entry| entry.length as usize).sum()))
+    let coefficients = [SectionKind::Coefficients, SectionKind::PredictedCoefficients].into_iter();
+    let bytes = coefficients.flat_map(|kind| within(kind, length)).map(|entry| entry.length as usize);
+    Ok((length as usize, bytes.sum()))
 }

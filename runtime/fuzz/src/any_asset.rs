@@ -2,7 +2,8 @@
 
 use btf_runtime::{
     Asset, Basis, Coefficients, DictionaryLobe, Edit, Edits, Factors, Heights, Layer, Level, LevelTexels, Lobe,
-    LobeFamily, LobeRef, LobeRole, LobeWeights, Relief, Residual, ResidualKind, SharedBases, Sphere, SurfaceSide,
+    LobeFamily, LobeRef, LobeRole, LobeWeights, PredictedGroup, Relief, Residual, ResidualKind, SharedBases, Sphere,
+    SurfaceSide,
 };
 
 /// A source of numbers taken from bytes; zeros when they are used up.
@@ -168,6 +169,9 @@ fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
         residual,
     };
     if source.flag() {
+        add_groups(source, &mut layer);
+    }
+    if source.flag() {
         add_lobe_weights(source, &mut layer);
     }
     if layer.may_have_relief() && source.flag() {
@@ -224,6 +228,27 @@ fn any_residual(source: &mut Source, shape: [usize; 2], clusters: usize, texels:
         })
         .collect();
     Residual { factors, shared: shared_bases, bases, coefficients, groups: Vec::new() }
+}
+
+/// Has the coefficients of `layer` predicted, in one or two groups of any inputs that are allowed.
+fn add_groups(source: &mut Source, layer: &mut Layer) {
+    let Some(residual) = &mut layer.residual else { return };
+    let components = residual.coefficients.len();
+    let mut first = 0;
+    while first < components {
+        let count = 1 + source.below(components - first);
+        let end = first + count;
+        let inputs = [0; 4].map(|_| source.below(end + 1) as u8);
+        residual.groups.push(PredictedGroup { components: count, inputs, own: source.below(first + 1) as u8 });
+        first = end;
+    }
+    // No coefficients of what a cluster lacks.
+    for j in 0..components {
+        let has: Vec<bool> =
+            (0..layer.dictionary.len()).map(|cluster| residual.has_component(cluster, j + 1)).collect();
+        let codes = residual.coefficients[j].codes.iter_mut().zip(&layer.texel_clusters);
+        codes.filter(|(_, cluster)| !has[usize::from(**cluster)]).for_each(|(code, _)| *code = 0);
+    }
 }
 
 fn any_level(source: &mut Source, layer: &Layer, texels: usize) -> LevelTexels {

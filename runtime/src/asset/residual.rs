@@ -224,6 +224,14 @@ impl Residual {
         });
     }
 
+    /// Returns whether `cluster` has component `index`, counted from 1: whether its mixture of shared bases is not 0. Where
+    /// coefficients are predicted, its texels have none of a component that it lacks.
+    pub fn has_component(&self, cluster: usize, index: usize) -> bool {
+        let (basis, shared) = (&self.bases[index], self.shared.steps.len());
+        let codes = &basis.values[cluster * shared..(cluster + 1) * shared];
+        codes.iter().any(|code| basis.steps[cluster] * f32::from(*code) != 0.0)
+    }
+
     /// Mixes the shared cores into the core of basis `index` in `cluster`, `[channel, view rank, light rank]`.
     ///
     /// Cost: a multiply-add per core value and shared basis with a weight other than 0.

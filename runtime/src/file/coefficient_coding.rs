@@ -329,7 +329,11 @@ impl<B: BinaryCoder, C: Choice> WithSimd for Coding<'_, '_, B, C> {
     fn with_simd<S: Simd>(self, _: S) -> bool {
         let texels = self.frame.texel_clusters.len();
         let mut rows = Rows::new(self.frame, self.group, self.first);
-        (0..texels).fold(true, |fits, texel| rows.code(self.coder, self.choice, self.codes, texel) && fits)
+        let mut fits = true;
+        for texel in 0..texels {
+            fits &= rows.code(self.coder, self.choice, self.codes, texel);
+        }
+        fits
     }
 }
 

@@ -281,6 +281,15 @@ fn check_residual(residual: &Residual, layer: &Layer, texels: usize) -> Result<(
     if !residual.groups.is_empty() && first != residual.coefficients.len() {
         return refuse("the groups of predicted coefficients are not all components");
     }
+    if !residual.groups.is_empty() {
+        for (j, plane) in residual.coefficients.iter().enumerate() {
+            let has: Vec<bool> = (0..clusters).map(|cluster| residual.has_component(cluster, j + 1)).collect();
+            let lacks = |(code, cluster): (&i8, &u8)| *code != 0 && !has[usize::from(*cluster)];
+            if plane.codes.iter().zip(&layer.texel_clusters).any(lacks) {
+                return refuse("a texel has a predicted coefficient of a component that its cluster lacks");
+            }
+        }
+    }
     for plane in &residual.coefficients {
         if plane.codes.len() != texels || !steps_fit(&[plane.step], MAX_COEFFICIENT_STEP) {
             return refuse("a coefficient plane does not fit the texels or its step is out of range");
@@ -492,13 +501,16 @@ fn plain_residual(layer: &Layer) -> Option<&Residual> {
     layer.residual.as_ref().filter(|residual| residual.groups.is_empty())
 }
 
+/// A section of a layer: kind, index and bytes.
+type IndexedSection = (SectionKind, usize, Vec<u8>);
+
 /// Pushes the residuals whose coefficients are predicted. Tiers: the first group with its bases, by which lobes vary; the
 /// factors and the first shared bases; the other shared bases; each other group with its bases.
 fn push_predicted(sections: &mut Vec<SectionSource<SectionKind>>, asset: &Asset, streams: &[Vec<Vec<u8>>]) {
     let predicted = |layer: &Layer| layer.residual.as_ref().filter(|residual| !residual.groups.is_empty()).cloned();
     let residuals: Vec<Option<Residual>> = asset.layers.iter().map(predicted).collect();
     let groups = residuals.iter().flatten().map(|residual| residual.groups.len()).max().unwrap_or(0);
-    let mut tier = |kinds: &dyn Fn(&Residual, usize) -> Vec<(SectionKind, usize, Vec<u8>)>| {
+    let mut tier = |kinds: &dyn Fn(&Residual, usize) -> Vec<IndexedSection>| {
         for (number, residual) in residuals.iter().enumerate() {
             for (kind, index, bytes) in residual.iter().flat_map(|residual| kinds(residual, number)) {
                 let (layer, index) = (number as u32, index as u32);
