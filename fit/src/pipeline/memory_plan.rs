@@ -14,10 +14,10 @@ pub const FEATURE_DIMENSIONS: usize = 64;
 /// Direction pairs that a dictionary is fitted on at most.
 pub const DICTIONARY_PAIRS: usize = 3400;
 /// Shared bases that are looked for at least where the size of the asset is given.
-const MIN_SHARED_BASES: usize = 260;
+const MIN_SHARED_BASES: usize = 280;
 /// Further shared bases per byte of a texel's budget: too few bound the error of a large asset (docs/results/results.md), and
 /// more than a small one can use cost time.
-const SHARED_BASES_PER_BYTE: f64 = 5.5;
+const SHARED_BASES_PER_BYTE: f64 = 7.0;
 /// Shared bases that are looked for at most.
 const MAX_SHARED_BASES: usize = 640;
 /// Shared bases that are looked for where no size is given.
