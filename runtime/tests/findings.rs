@@ -1,12 +1,12 @@
 //! Tests that docs/reference/findings.md lists the number of every finding, and that a planted fault reports each.
 
 use btf_runtime::testing::{
-    FileParts, SectionPart, huge_asset, repair_header_checksum, ring_directions, sample_asset, sample_heights,
-    sample_relief_asset,
+    FileParts, SectionPart, huge_asset, repair_header_checksum, ring_directions, sample_asset, sample_grouped_asset,
+    sample_heights, sample_relief_asset,
 };
 use btf_runtime::{
-    ASSET_LAYERS, Asset, Edit, Edits, FormatError, Levels, Resident, ResidentFile, ResidualKind, Rule, SectionKind,
-    Severity, Sphere, SurfaceSide, block, open, pack, read_directory, rule, serial, validate, with_levels,
+    ASSET_LAYERS, Asset, Edit, Edits, FormatError, Levels, PredictedGroup, Resident, ResidentFile, ResidualKind, Rule,
+    SectionKind, Severity, Sphere, SurfaceSide, block, open, pack, read_directory, rule, serial, validate, with_levels,
 };
 use std::sync::Arc;
 
@@ -57,6 +57,21 @@ fn with_head(asset: &Asset, index: usize, change: impl Fn(u32) -> u32) -> Vec<u8
     set_word(&mut bytes, index, change(old));
     repair_header_checksum(&mut bytes);
     bytes
+}
+
+/// Returns a file whose last group has one byte for 1024 texels, each predicted from as many inputs as there can be.
+fn too_slow() -> Vec<u8> {
+    let mut asset = sample_grouped_asset(7, 32, 32, ResidualKind::Root);
+    let residual = asset.layers[0].residual.as_mut().unwrap();
+    residual.groups = vec![
+        PredictedGroup { components: 3, inputs: [0; 4], own: 0 },
+        PredictedGroup { components: 1, inputs: [4; 4], own: 3 },
+    ];
+    let mut parts = parts_of(&asset);
+    let kind = SectionKind::PredictedCoefficients as u32;
+    let section = parts.sections.iter_mut().rfind(|section| section.head[0] == kind).expect("there are two");
+    section.bytes.truncate(4 * 8 + 1);
+    parts.to_bytes()
 }
 
 fn resident_parts(asset: &Asset) -> FileParts {
@@ -130,6 +145,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         asset
     };
     let dictionaries = block::DICTIONARIES;
+    let grouped = sample_grouped_asset(7, 12, 9, ResidualKind::Root);
     let mut list = vec![
         (rule::TOO_SHORT, good[..50].to_vec()),
         (rule::BAD_MAGIC, changed(&|bytes| bytes[0] = b'X')),
@@ -205,6 +221,9 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         (rule::BASES_TOO_LARGE, with_word(&huge_asset(), Kind::Layer, 5, 63)),
         (rule::RANK, with_word(asset, Kind::Factors, 6, 1)),
         (rule::SHARED_COUNT, with_word(asset, Kind::SharedBases, 0, 1025)),
+        (rule::GROUP, with_word(&grouped, Kind::PredictedCoefficients, 6, 1)),
+        (rule::GROUP_EFFORT, too_slow()),
+        (rule::EXPONENT, with_section(&grouped, Kind::FactorCodes, |section| section.bytes[32] = 25)),
         (rule::HEIGHT_STEP, with_word(asset, Kind::Height, 0, 0)),
         // A layer of guiding lobes with relief.
         (rule::RELIEF_ALONE, with_word(&sample_relief_asset(3, 9, 7), Kind::Layer, 7, 1)),

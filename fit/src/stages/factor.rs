@@ -64,10 +64,14 @@ impl RoundedFactors {
     }
 }
 
+/// Added to the diagonal of the products of rounded columns, whose lengths are about 1.
+const RIDGE: f64 = 1e-7;
+
 /// Returns the inverse of a positive definite matrix; the identity where it is not one.
 fn inverse_of_positive(matrix: &Array2<f32>) -> Array2<f32> {
     let n = matrix.nrows();
-    let found = DMatrix::from_fn(n, n, |i, j| f64::from(matrix[[i, j]])).cholesky();
+    let ridge = |i: usize, j: usize| if i == j { RIDGE } else { 0.0 };
+    let found = DMatrix::from_fn(n, n, |i, j| f64::from(matrix[[i, j]]) + ridge(i, j)).cholesky();
     let inverse = found.map_or_else(|| DMatrix::identity(n, n), |cholesky| cholesky.inverse());
     Array2::from_shape_fn((n, n), |(i, j)| inverse[(i, j)] as f32)
 }
@@ -169,8 +173,10 @@ impl Rotated {
             [0, 1, 2].map(|channel| {
                 let exact = [&self.view, &self.light][side][channel].view();
                 let mut matrix = exact.slice(s![.., ..ranks[channel][side]]).to_owned();
+                // A column has an entry of at least 1 / sqrt(directions), which must not become 0.
+                let coarsest = -(0.5 * (matrix.nrows().max(1) as f64).log2()).ceil() - 2.0;
                 for (mut column, step) in matrix.columns_mut().into_iter().zip(&steps[channel][side]) {
-                    let step = step.log2().round().clamp(-MAX_EXPONENT, 0.0).exp2() as f32;
+                    let step = step.log2().round().clamp(-MAX_EXPONENT, coarsest).exp2() as f32;
                     column.mapv_inplace(|x| f16::from_f32((x / step).round() * step).to_f32());
                 }
                 // The rounded columns in the exact frame, and what takes a core in that frame to one of theirs.

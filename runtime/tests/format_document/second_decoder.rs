@@ -1,10 +1,11 @@
 //! Compares the values of this crate with those of the reader that was written in Python from docs/reference/format.md alone.
 
-use super::second_reader::{Lines, add_extreme_lobes, edits, parsed, read_by_the_document, resident_bytes, wide};
-use super::{document_bytes, named};
-use btf_runtime::testing::{
-    Random, sample_asset, sample_grouped_asset, sample_heights, sample_predicted_asset, sample_relief_asset,
+use super::second_reader::{
+    Lines, SHARED_OF_FIRST_PART, add_extreme_lobes, asset_of_two_parts, edits, parsed, read_by_the_document,
+    resident_bytes, wide,
 };
+use super::{document_bytes, named};
+use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_predicted_asset, sample_relief_asset};
 use btf_runtime::{
     Asset, DecodeOptions, Interpolation, Layer, LobeRole, Relief, Resident, ResidualKind, SurfaceSide, decode, pack,
     read_directory, serial, with_levels,
@@ -171,7 +172,7 @@ fn predicted_lobes_of_every_tier_decode_to_the_second_readers_values() {
     let mut random = Random::new(2);
     let kinds = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root];
     // With plain coefficients in eight tiers, and with predicted ones in five.
-    let made = [(sample_predicted_asset as fn(u64, usize, usize, ResidualKind) -> Asset, 8), (sample_grouped_asset, 5)];
+    let made = [(sample_predicted_asset as fn(u64, usize, usize, ResidualKind) -> Asset, 8), (asset_of_two_parts, 5)];
     for (kind, (sample, count)) in kinds.into_iter().flat_map(|kind| made.map(|made| (kind, made))) {
         let mut asset = sample(kind as u64, 9, 7, kind);
         if kind == ResidualKind::Log {
@@ -199,6 +200,16 @@ fn predicted_lobes_of_every_tier_decode_to_the_second_readers_values() {
             let mut whole = asset.clone();
             whole.layers[0].lobe_weights = None;
             assert_eq!(other(&whole).is_some(), asset.layers[0].residual.is_some(), "{kind:?} {number}");
+            // Shared bases of the second part, which the first two tiers with a residual differ in.
+            let mut first_part = asset.clone();
+            if let Some(residual) = &mut first_part.layers[0].residual {
+                let first = SHARED_OF_FIRST_PART * residual.factors.core_len();
+                let second = residual.shared.values.get_mut(first..).unwrap_or_default();
+                let has_second = !second.is_empty();
+                assert_eq!(has_second, count == 5 && number > 2, "{kind:?} {number}");
+                second.fill(0);
+                assert_eq!(other(&first_part).is_some(), has_second, "{kind:?} {number}");
+            }
             let mut weights = asset.clone();
             weights.layers[0].lobe_refs.iter_mut().for_each(|reference| reference.weight[1] ^= 64);
             assert!(other(&weights).is_some(), "{kind:?} {number}");

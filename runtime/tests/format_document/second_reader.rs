@@ -3,11 +3,12 @@
 
 use super::document::{output_of, python};
 use super::{block, document_bytes, example};
-use btf_runtime::testing::{FileParts, core_at_pair, sample_asset, sample_grouped_asset, sample_heights};
+use btf_runtime::testing::{FileParts, Random, core_at_pair, sample_asset, sample_grouped_asset, sample_heights};
 use btf_runtime::{
     Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, ResidentFile,
-    ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, pack, serial, with_levels,
+    ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, pack, read_directory, serial, with_levels,
 };
+use half::f16;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -230,6 +231,37 @@ pub(super) fn add_extreme_lobes(layer: &mut Layer) {
     }
 }
 
+/// Shared bases of [`asset_of_two_parts`], and those of its first part.
+const SHARED_OF_TWO_PARTS: usize = 30;
+pub(super) const SHARED_OF_FIRST_PART: usize = 24;
+
+/// Returns a [`sample_grouped_asset`] with more shared bases than SharedBasesPart 0 holds, of which every cluster's bases
+/// are mixtures. One cluster lacks the last component, as before.
+pub(super) fn asset_of_two_parts(seed: u64, width: usize, height: usize, kind: ResidualKind) -> Asset {
+    let mut asset = sample_grouped_asset(seed, width, height, kind);
+    let mut random = Random::new(seed + 200);
+    let mut code = |most: usize| random.below(2 * most + 1) as i16 - most as i16;
+    let residual = asset.layers[0].residual.as_mut().unwrap();
+    let before = residual.shared.steps.len();
+    let more = SHARED_OF_TWO_PARTS - before;
+    let core = residual.factors.core_len();
+    // The second part's are the larger ones, so that values tell whether they are there.
+    residual
+        .shared
+        .steps
+        .extend((before..SHARED_OF_TWO_PARTS).map(|r| if r < SHARED_OF_FIRST_PART { 0.004 } else { 0.1 }));
+    residual.shared.values.extend((0..more * core).map(|_| code(40)));
+    for basis in &mut residual.bases {
+        let mixture = |row: &[i16]| {
+            let has = row.iter().any(|code| *code != 0);
+            let codes: Vec<i16> = (0..more).map(|_| if has { code(20) } else { 0 }).collect();
+            [row, &codes].concat()
+        };
+        basis.values = basis.values.chunks_exact(before).flat_map(mixture).collect();
+    }
+    asset
+}
+
 pub(super) fn resident_bytes(asset: &Asset) -> Vec<u8> {
     ResidentFile::of_asset(asset.clone(), &serial).pack().unwrap()
 }
@@ -237,9 +269,15 @@ pub(super) fn resident_bytes(asset: &Asset) -> Vec<u8> {
 #[test]
 fn a_reader_written_from_the_document_reads_the_same_numbers() {
     let busy = busy_asset();
-    for (name, asset, bytes) in
-        [("worked-example", example(), document_bytes()), ("busy-asset", busy.clone(), pack(&busy).unwrap())]
-    {
+    // Predicted coefficients; without lobe weights, so that nothing is subtracted from the residual.
+    let mut grouped = asset_of_two_parts(14, 12, 9, ResidualKind::Root);
+    grouped.layers[0].lobe_weights = None;
+    let grouped = with_levels(&grouped, &serial);
+    for (name, asset, bytes) in [
+        ("worked-example", example(), document_bytes()),
+        ("busy-asset", busy.clone(), pack(&busy).unwrap()),
+        ("grouped-asset", grouped.clone(), pack(&grouped).unwrap()),
+    ] {
         let read = read_by_the_document(name, &bytes, &["--residuals"], "");
         let expected = numbers_of(&asset);
         let texels = asset.texel_count();
@@ -247,10 +285,16 @@ fn a_reader_written_from_the_document_reads_the_same_numbers() {
         assert!(missing.is_empty(), "{name}: {missing:?}");
         assert!(expected.len() > 25 + texels, "{name}: {}", expected.len());
         assert_eq!(first_difference(&read, &expected), None, "{name}");
-        // Ids, counts, references, shared bases, for each basis its codes and its coefficients; heights, edits, levels.
+        // Ids, counts, references; shared bases, in two parts and with factors where coefficients are predicted; for each
+        // basis its codes; for each component or group its coefficients; heights, edits, levels.
         let optional = [asset.layers[0].heights.is_some(), !asset.edits.list.is_empty()].map(usize::from);
-        let bases = asset.layers[0].residual.as_ref().unwrap().bases.len();
-        let streams = 4 + 2 * bases - 1 + optional[0] + optional[1] + asset.levels.len();
+        let residual = asset.layers[0].residual.as_ref().unwrap();
+        let (shared, coefficients) = match residual.groups.len() {
+            0 => (1, residual.coefficients.len()),
+            groups => (3, groups),
+        };
+        let of_residual = shared + residual.bases.len() + coefficients;
+        let streams = 3 + of_residual + optional[0] + optional[1] + asset.levels.len();
         let all = format!("{streams} {streams}");
         assert_eq!(read["streams, those that the encoder of the text makes again"], all, "{name}");
 
@@ -266,6 +310,11 @@ fn a_reader_written_from_the_document_reads_the_same_numbers() {
         assert_eq!(weight.as_deref(), Some("layer 0 level 0: lobe references"), "{name}");
         let step = differs(&|a| a.layers[0].residual.as_mut().unwrap().bases[0].steps[0] *= 1.01);
         assert_eq!(step.as_deref(), Some("layer 0: core 0 of cluster 0"), "{name}");
+        let factor = differs(&|a| {
+            let x = &mut a.layers[0].residual.as_mut().unwrap().factors.light[0][0];
+            *x = f16::from_f32(x.to_f32() + 0.25);
+        });
+        assert!(factor.is_some_and(|name| name.starts_with("layer 0: residual of texel")), "{name}");
         let coarse = differs(&|a| a.levels[0].layers[0].codes[0][0] ^= 1);
         assert_eq!(coarse.as_deref(), Some("layer 0 level 1: coefficients 1"), "{name}");
         if name == "busy-asset" {
@@ -314,7 +363,7 @@ fn both_forms_hold_the_same_texels_and_edits() {
 #[test]
 fn predicted_coefficients_are_read_by_the_document_from_every_tier() {
     for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
-        let mut asset = sample_grouped_asset(30 + kind as u64, 14, 11, kind);
+        let mut asset = asset_of_two_parts(30 + kind as u64, 14, 11, kind);
         if kind == ResidualKind::Log {
             // Predictions that are not finite, and differences of every size.
             let residual = asset.layers[0].residual.as_mut().unwrap();
@@ -324,8 +373,8 @@ fn predicted_coefficients_are_read_by_the_document_from_every_tier() {
             let codes = residual.coefficients[1].codes.iter_mut().skip(60);
             codes.zip(sizes.iter().cycle()).for_each(|(code, size)| *code = *size);
             // Factors that few digits do not tell.
-            residual.factors.view[0][0] = half::f16::from_bits(0x3555);
-            residual.factors.view[0].iter_mut().skip(1).for_each(|x| *x = half::f16::from_bits(x.to_bits() | 1));
+            residual.factors.view[0][0] = f16::from_bits(0x3555);
+            residual.factors.view[0].iter_mut().skip(1).for_each(|x| *x = f16::from_bits(x.to_bits() | 1));
             let mut weights = asset.layers[0].lobe_weights.take().unwrap();
             let layer = &asset.layers[0];
             weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
@@ -333,7 +382,7 @@ fn predicted_coefficients_are_read_by_the_document_from_every_tier() {
             asset.layers[0].predict_lobes();
         }
         let bytes = pack(&with_levels(&asset, &serial)).unwrap();
-        for (tier, length) in btf_runtime::read_directory(&bytes).unwrap().tiers.iter().enumerate() {
+        for (tier, length) in read_directory(&bytes).unwrap().tiers.iter().enumerate() {
             let cut = &bytes[..*length as usize];
             let read = read_by_the_document(&format!("grouped-{}-{tier}", kind as u32), cut, &[], "");
             let mut asset = Asset::parse(cut).unwrap();
@@ -345,6 +394,8 @@ fn predicted_coefficients_are_read_by_the_document_from_every_tier() {
             assert_eq!(first_difference(&read, &expected), None, "{kind:?} {tier}");
             // Planted differences: a code of the last component at hand; another shared basis.
             let Some(residual) = &mut asset.layers[0].residual else { continue };
+            let shared = if tier == 2 { SHARED_OF_FIRST_PART } else { SHARED_OF_TWO_PARTS };
+            assert_eq!(residual.shared.steps.len(), shared, "{kind:?} {tier}");
             let last = residual.coefficients.len();
             residual.coefficients[last - 1].codes[5] ^= 1;
             let differs = first_difference(&read, &numbers_of(&asset));
@@ -355,6 +406,42 @@ fn predicted_coefficients_are_read_by_the_document_from_every_tier() {
             assert!(differs.starts_with("layer 0: core"), "{kind:?} {tier}: {differs}");
         }
     }
+}
+
+/// Codes with more digits than a half has, some of them midway between two halves. Our writer makes none.
+#[test]
+fn both_readers_round_factor_codes_to_halves() {
+    let mut asset = sample_grouped_asset(15, 6, 5, ResidualKind::Root);
+    asset.layers[0].lobe_weights = None;
+    let residual = asset.layers[0].residual.as_mut().unwrap();
+    assert_eq!(residual.factors.shape, [17, 20]);
+    residual.factors.ranks = [[1, 1], [0, 0], [0, 0]];
+    residual.factors.view = [vec![f16::ONE; 17], vec![], vec![]];
+    residual.factors.light = [vec![f16::ONE; 20], vec![], vec![]];
+    residual.shared.values = vec![1, -2, 3];
+    let mut parts = FileParts::from_bytes(&pack(&asset).unwrap()).unwrap();
+    let section = parts.sections.iter_mut().find(|section| section.head[0] == SectionKind::FactorCodes as u32).unwrap();
+    // Exponents 11 and 15. The stream's views are 2049, 2051, -4099, 4098, 0, ..., its lights 0, ..., 32767, -32768, 0,
+    // 6001.
+    let stream = [
+        0xbf, 0xf7, 0x86, 0xc1, 0x67, 0x7e, 0x96, 0xf1, 0x19, 0xd8, 0xb7, 0xbc, 0xdb, 0xe4, 0x3d, 0xaf, 0xaf, 0xab,
+        0xff, 0xf2, 0x5a, 0x48, 0x5e, 0x08, 0xdc, 0x9c, 0x28, 0x4c,
+    ];
+    section.bytes.truncate(32);
+    section.bytes.extend([11, 15, 0, 0]);
+    section.bytes.extend(stream);
+    let bytes = parts.to_bytes();
+    let mut asset = Asset::parse(&bytes).unwrap();
+    let factors = &mut asset.layers[0].residual.as_mut().unwrap().factors;
+    let halves = |codes: &[f32], step: f32| codes.iter().map(|code| f16::from_f32(code * step)).collect::<Vec<_>>();
+    assert_eq!(factors.view[0][..5], halves(&[2048.0, 2052.0, -4100.0, 4096.0, 0.0], 2.0f32.powi(-11)));
+    assert_eq!(factors.light[0][15..], halves(&[0.0, 32768.0, -32768.0, 0.0, 6000.0], 2.0f32.powi(-15)));
+    let read = read_by_the_document("rounded-factors", &bytes, &["--residuals"], "");
+    assert_eq!(first_difference(&read, &numbers_of(&asset)), None);
+    // Planted difference: the half on the other side of 2049.
+    asset.layers[0].residual.as_mut().unwrap().factors.view[0][0] = f16::from_f32(2050.0 / 2048.0);
+    let differs = first_difference(&read, &numbers_of(&asset));
+    assert!(differs.is_some_and(|name| name.starts_with("layer 0: residual of texel")));
 }
 
 #[test]

@@ -1,14 +1,15 @@
 """The section "Directions" of docs/reference/format.md, with all that follows from the directions."""
 
+import ctypes
 import math
-import struct
 
 from spmm.decoding import Sphere, dot
 from spmm.entropy_coder import must
 
 
 def single(x):
-    return struct.unpack("<f", struct.pack("<f", x))[0]
+    """The single-precision number nearest to `x`; infinite beyond their range."""
+    return ctypes.c_float(x).value
 
 
 def must_be_counts(n, t, e):

@@ -1,27 +1,28 @@
 """The chapters "PredictedCoefficients", "SharedBasesPart" and "FactorCodes" of docs/reference/format.md."""
 
-import ctypes
 import math
+import struct
 
 from spmm.container import BASIS, FACTOR_CODES, PREDICTED_COEFFICIENTS, SHARED_BASES_PART
+from spmm.directions import single
 from spmm.entropy_coder import bits, columns, context, must, plane
 
 
-def f32(x):
-    """The single-precision number nearest to `x`; infinite beyond their range."""
-    return ctypes.c_float(x).value
+def half(x):
+    """The half nearest to `x`, of two the even one."""
+    return struct.unpack("<e", struct.pack("<e", x))[0]
 
 
 def times(a, b):
-    return f32(a * b)
+    return single(a * b)
 
 
 def add(a, b):
-    return f32(a + b)
+    return single(a + b)
 
 
 def divided(a, b):
-    return f32(a / b)
+    return single(a / b)
 
 
 def total(terms, first=0.0):
@@ -46,7 +47,7 @@ def factors(header, number, views, lights):
     matrices, rest = [], iter(exponents)
     for rank, width, codes in part.stream(sum(rv * views + rl * lights for rv, rl in ranks), read):
         steps = [2.0 ** -next(rest) for _ in range(rank)]
-        matrices.append([codes[r * width + i] * steps[r] for i in range(width) for r in range(rank)])
+        matrices.append([half(codes[r * width + i] * steps[r]) for i in range(width) for r in range(rank)])
     return ranks, list(zip(matrices[0::2], matrices[1::2]))
 
 
@@ -70,6 +71,7 @@ class Groups:
     """The groups at hand: bases as `(steps, codes)`, and of each component its step and its texels' codes."""
 
     def __init__(self, header, number, ids, clusters, components):
+        must(components > 0, "a layer with predicted coefficients has no components")
         self.shared, self.bases, self.steps, self.planes = 0, [], [], []
         index = 1
         while len(self.steps) < components:
@@ -121,7 +123,7 @@ class Cluster:
             for mixture, step in zip(self.mixtures[1:], groups.steps)
         ]
         self.has = [any(self.mixtures[1 + j]) for j in range(first, end)]
-        self.p = [[f32(1 / 50) if i == j else 0.0 for j in range(self.inputs)] for i in range(self.inputs)]
+        self.p = [[single(1 / 50) if i == j else 0.0 for j in range(self.inputs)] for i in range(self.inputs)]
         self.w = [[0.0] * count for _ in range(self.inputs)]
         for before, same in (0, inputs[0]), (inputs[0], inputs[1]):
             for j in range(first, min(end, same)):
@@ -177,7 +179,7 @@ class Group:
                 away = add(p, -near)
                 beside = add(left[j] if left else 0.0, upper[j] if upper else 0.0)
                 scaled = times(cluster.sizes[j], divided(u, w))
-                expected = add(times(f32(0.9), scaled), times(f32(0.1), beside))
+                expected = add(times(single(0.9), scaled), times(single(0.1), beside))
                 c = min(31, context(math.floor(times(16.0, expected))))
                 d = min(3, math.floor(times(8.0, abs(away))))
                 difference = self.models.number(stream, c, d)
