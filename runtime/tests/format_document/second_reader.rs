@@ -5,8 +5,9 @@ use super::document::{output_of, python};
 use super::{block, document_bytes, example};
 use btf_runtime::testing::{FileParts, Random, core_at_pair, sample_asset, sample_grouped_asset, sample_heights};
 use btf_runtime::{
-    Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, ResidentFile,
-    ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, pack, read_directory, serial, with_levels,
+    Asset, DictionaryLobe, EDGE_WORDS, Edit, Edits, Layer, LevelTexels, Lobe, LobeFamily, LobeRef, PredictedGroup,
+    ResidentFile, ResidualKind, SPHERE_HEADER_WORDS, SectionKind, Sphere, TRIANGLE_WORDS, pack, read_directory, serial,
+    with_levels,
 };
 use half::f16;
 use std::collections::BTreeMap;
@@ -232,7 +233,7 @@ pub(super) fn add_extreme_lobes(layer: &mut Layer) {
 }
 
 /// Shared bases of [`asset_of_two_parts`], and those of its first part.
-const SHARED_OF_TWO_PARTS: usize = 30;
+const SHARED_OF_TWO_PARTS: usize = 60;
 pub(super) const SHARED_OF_FIRST_PART: usize = 24;
 
 /// Returns a [`sample_grouped_asset`] with more shared bases than SharedBasesPart 0 holds, of which every cluster's bases
@@ -359,27 +360,44 @@ fn both_forms_hold_the_same_texels_and_edits() {
     assert!(differs.is_some_and(|name| name.starts_with("layer 0 level 0: edit 2: dictionary")));
 }
 
+/// Gives predicted coefficients what takes every branch of their coder.
+fn make_extreme(layer: &mut Layer) {
+    let residual = layer.residual.as_mut().unwrap();
+    // Inputs from another cluster that are not finite: one alone, and with others.
+    residual.groups = vec![
+        PredictedGroup { components: 1, inputs: [1, 0, 0, 0], own: 0 },
+        PredictedGroup { components: 3, inputs: [4, 3, 1, 2], own: 1 },
+    ];
+    residual.coefficients[0].step = f32::from_bits(1);
+    residual.coefficients[1].step = 1e9;
+    residual.bases[2].steps.iter_mut().for_each(|step| *step = 1e4);
+    residual.coefficients[2].step = 0.0;
+    // Differences of every size.
+    let sizes = [-128, 127, 90, -60, 30, -18, 17, 19, 0, 1];
+    let codes = residual.coefficients[1].codes.iter_mut().skip(60);
+    codes.zip(sizes.iter().cycle()).for_each(|(code, size)| *code = *size);
+    // Columns of codes of every size.
+    let core = residual.factors.core_len();
+    let mut random = Random::new(17);
+    for (i, code) in residual.shared.values.iter_mut().enumerate() {
+        *code = ((random.below(65536) as i32 - 32768) / (1 << (i % core % 17))) as i16;
+    }
+    // Factors that few digits do not tell.
+    residual.factors.view[0][0] = f16::from_bits(0x3555);
+    residual.factors.view[0].iter_mut().skip(1).for_each(|x| *x = f16::from_bits(x.to_bits() | 1));
+    let mut weights = layer.lobe_weights.take().unwrap();
+    weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
+    layer.lobe_weights = Some(weights);
+    layer.predict_lobes();
+}
+
 /// Coefficients that are predicted, in every tier: the same codes, and the same bases of those at hand.
 #[test]
 fn predicted_coefficients_are_read_by_the_document_from_every_tier() {
     for kind in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root] {
         let mut asset = asset_of_two_parts(30 + kind as u64, 14, 11, kind);
         if kind == ResidualKind::Log {
-            // Predictions that are not finite, and differences of every size.
-            let residual = asset.layers[0].residual.as_mut().unwrap();
-            residual.coefficients[1].step = 1e9;
-            residual.bases[2].steps.iter_mut().for_each(|step| *step = 1e4);
-            let sizes = [-128, 127, 90, -60, 30, -18, 17, 19, 0, 1];
-            let codes = residual.coefficients[1].codes.iter_mut().skip(60);
-            codes.zip(sizes.iter().cycle()).for_each(|(code, size)| *code = *size);
-            // Factors that few digits do not tell.
-            residual.factors.view[0][0] = f16::from_bits(0x3555);
-            residual.factors.view[0].iter_mut().skip(1).for_each(|x| *x = f16::from_bits(x.to_bits() | 1));
-            let mut weights = asset.layers[0].lobe_weights.take().unwrap();
-            let layer = &asset.layers[0];
-            weights.nodes = weights.nodes_of_texels(&layer.texel_clusters, &layer.coefficient_planes(), 20);
-            asset.layers[0].lobe_weights = Some(weights);
-            asset.layers[0].predict_lobes();
+            make_extreme(&mut asset.layers[0]);
         }
         let bytes = pack(&with_levels(&asset, &serial)).unwrap();
         for (tier, length) in read_directory(&bytes).unwrap().tiers.iter().enumerate() {
@@ -401,11 +419,37 @@ fn predicted_coefficients_are_read_by_the_document_from_every_tier() {
             let differs = first_difference(&read, &numbers_of(&asset));
             assert_eq!(differs, Some(format!("layer 0 level 0: coefficients {last}")), "{kind:?} {tier}");
             let mut asset = Asset::parse(cut).unwrap();
-            asset.layers[0].residual.as_mut().unwrap().shared.values[1] ^= 4;
+            asset.layers[0].residual.as_mut().unwrap().shared.values[1] ^= 1 << 12;
             let differs = first_difference(&read, &numbers_of(&asset)).unwrap();
             assert!(differs.starts_with("layer 0: core"), "{kind:?} {tier}: {differs}");
         }
     }
+}
+
+/// A cluster of so many texels that its sizes no longer are means of all of them: loud at first, then quiet.
+#[test]
+fn a_large_cluster_is_read_by_the_document() {
+    let [width, height] = [40, 30];
+    let mut asset = sample_grouped_asset(62, width, height, ResidualKind::Root);
+    let layer = &mut asset.layers[0];
+    layer.lobe_weights = None;
+    layer.texel_clusters.fill(0);
+    let mut random = Random::new(5);
+    for (j, plane) in layer.residual.as_mut().unwrap().coefficients.iter_mut().enumerate() {
+        for (texel, code) in plane.codes.iter_mut().enumerate() {
+            let most = [[40, 20, 8, 3], [6, 3, 1, 1]][texel / (width * height / 2)][j];
+            *code = (random.below(2 * most + 1) as i32 - most as i32) as i8;
+        }
+    }
+    // One lobe a texel, which every cluster's dictionary has.
+    layer.texel_lobe_counts.fill(1);
+    layer.lobe_refs = vec![LobeRef { lobe: 0, weight: [100; 3] }; width * height];
+    let read = read_by_the_document("large-cluster", &pack(&asset).unwrap(), &[], "");
+    let mut expected = numbers_of(&asset);
+    assert_eq!(first_difference(&read, &expected), None);
+    // Planted difference: the last code.
+    *expected.get_mut("layer 0 level 0: coefficients 4").unwrap().last_mut().unwrap() += 1.0;
+    assert_eq!(first_difference(&read, &expected).as_deref(), Some("layer 0 level 0: coefficients 4"));
 }
 
 /// Codes with more digits than a half has, some of them midway between two halves. Our writer makes none.
@@ -518,6 +562,83 @@ fn both_readers_refuse_a_stream_that_is_not_consumed_exactly() {
         assert_eq!(refusals[i].as_deref(), Some("a stream is not as long as its numbers need"), "{i}");
     }
     assert_eq!(refusals[files.len()..], [None, None], "the controls must pass");
+}
+
+/// What the chapters of predicted coefficients forbid, one thing each.
+#[test]
+fn both_readers_refuse_what_predicted_coefficients_must_not_hold() {
+    use SectionKind::{Basis, FactorCodes, PredictedCoefficients, SharedBasesPart};
+    let asset = asset_of_two_parts(16, 12, 9, ResidualKind::Root);
+    let parts = FileParts::from_bytes(&pack(&asset).unwrap()).unwrap();
+    let place = |parts: &FileParts, kind: SectionKind, index: u32| {
+        parts.sections.iter().position(|section| section.head[..3] == [kind as u32, 0, index]).unwrap()
+    };
+    let with = |kind, index, change: &dyn Fn(&mut Vec<u8>)| {
+        let mut parts = parts.clone();
+        let at = place(&parts, kind, index);
+        change(&mut parts.sections[at].bytes);
+        parts.to_bytes()
+    };
+    let with_word = |kind, index, word: usize, value: u32| {
+        with(kind, index, &|bytes| bytes[4 * word..][..4].copy_from_slice(&value.to_le_bytes()))
+    };
+    let without = |kind, index| {
+        let mut parts = parts.clone();
+        let at = place(&parts, kind, index);
+        parts.sections.remove(at);
+        parts.sections.last_mut().unwrap().ends_tier = true;
+        parts.to_bytes()
+    };
+    // 15 inputs of 1024 texels.
+    let mut large =
+        FileParts::from_bytes(&pack(&sample_grouped_asset(16, 32, 32, ResidualKind::Root)).unwrap()).unwrap();
+    let at = place(&large, PredictedCoefficients, 2);
+    let section = &mut large.sections[at].bytes;
+    section.truncate(4 * 9 + 1);
+    [4u32, 4, 4, 1].iter().enumerate().for_each(|(i, n)| section[8 + 4 * i..][..4].copy_from_slice(&n.to_le_bytes()));
+    let above = |most: f32| most.next_up().to_bits();
+    let (q, shared) = (SHARED_OF_TWO_PARTS as u32, "a number of shared bases is not allowed");
+    let (inputs, components) =
+        ("a group's inputs are out of their range", "a group's components are out of their range");
+    let (missing, step) = ("a part of a residual is missing", "a step is out of its range");
+    let files = [
+        (with_word(PredictedCoefficients, 1, 0, 1025), shared),
+        (with_word(PredictedCoefficients, 2, 0, q + 1), shared),
+        (with_word(PredictedCoefficients, 1, 1, 0), components),
+        (with_word(PredictedCoefficients, 2, 1, 3), components),
+        (with_word(PredictedCoefficients, 1, 2, 3), inputs),
+        (with_word(PredictedCoefficients, 2, 5, 5), inputs),
+        (with_word(PredictedCoefficients, 1, 6, 1), inputs),
+        (with_word(PredictedCoefficients, 2, 6, 3), inputs),
+        (with_word(PredictedCoefficients, 2, 7, above(1e9)), step),
+        // One byte is too little for so many shared bases, and for so many texels.
+        (
+            with(PredictedCoefficients, 2, &|bytes| bytes.truncate(4 * 9 + 1)),
+            "a group takes too much memory for its bytes",
+        ),
+        (large.to_bytes(), "a group takes too long for its bytes"),
+        (with_word(SharedBasesPart, 0, 0, q + 1), "there are too many shared bases"),
+        (with_word(SharedBasesPart, 1, 0, q), "there are too many shared bases"),
+        (with_word(SharedBasesPart, 1, 1, above(1e4)), step),
+        (with_word(FactorCodes, 0, 0, 257), "a rank is out of its range"),
+        (with_word(FactorCodes, 0, 7, 1), "a rank is out of its range"),
+        (with(FactorCodes, 0, &|bytes| bytes[32] = 25), "an exponent is out of its range"),
+        (without(PredictedCoefficients, 2), missing),
+        (without(SharedBasesPart, 0), missing),
+        (without(SharedBasesPart, 1), missing),
+        (without(FactorCodes, 0), missing),
+        (without(Basis, 3), missing),
+        // The last part without a basis: fewer than are told.
+        (with(SharedBasesPart, 1, &|bytes| *bytes = vec![0; 8]), "there are too few shared bases"),
+    ];
+    let bytes: Vec<Vec<u8>> = files.iter().map(|(bytes, _)| bytes.clone()).chain([parts.to_bytes()]).collect();
+    let refusals = refused_by_the_document("not-allowed", &bytes);
+    for (i, (bytes, reason)) in files.iter().enumerate() {
+        assert!(Asset::parse(bytes).is_err(), "{i}: {reason}");
+        assert_eq!(refusals[i].as_deref(), Some(*reason), "{i}");
+    }
+    assert_eq!(refusals[files.len()], None, "the control must pass");
+    assert!(Asset::parse(&parts.to_bytes()).is_ok(), "the control must pass");
 }
 
 #[test]
