@@ -65,13 +65,16 @@ fn contrast(asset: &Asset, edit: Option<Edit>) -> f64 {
 }
 
 /// Returns the mean variance of one drawn direction's share of the reflected light, over the squared light, when it is
-/// drawn by the texel's lobes and when it is drawn by the cosine.
-fn variances(resident: &Resident, texels: usize, sun: f32) -> [f64; 2] {
-    let one = |number: usize| -> [f64; 2] {
+/// drawn by the texel's lobes, by the cosine, and in proportion to the texel's reflectance for the eye, which is the best
+/// that can be done without knowing the sky.
+fn variances(resident: &Resident, texels: usize, sun: f32) -> [f64; 3] {
+    let one = |number: usize| -> [f64; 3] {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(number as u64);
         let (texel, wo) = (random.gen_range(0..texels) as u32, random_direction(&mut random));
         let viewed = ViewedTexel::new(resident, 0, texel, wo, &DecodeOptions::default());
         let mut estimates = [Vec::with_capacity(DRAWN), Vec::with_capacity(DRAWN)];
+        // Means over the cosine's directions: the reflectance, the light, and the light times its radiance.
+        let mut ideal = [0.0; 3];
         for _ in 0..DRAWN {
             let at = [0; 3].map(|_| random.gen_range(0.0..1.0f32));
             let wi = viewed.sample_direction(at);
@@ -86,16 +89,21 @@ fn variances(resident: &Resident, texels: usize, sun: f32) -> [f64; 2] {
             estimates[0].push(share(wi, density));
             let (radius, phi) = (at[0].sqrt(), TAU * at[1]);
             let wi = [radius * phi.cos(), radius * phi.sin(), (1.0 - at[0]).max(0.0).sqrt()];
-            estimates[1].push(share(wi, wi[2] / PI));
+            let light = share(wi, wi[2] / PI);
+            estimates[1].push(light);
+            let radiance = f64::from(sky(wi, sun));
+            ideal.iter_mut().zip([light / radiance, light, light * radiance]).for_each(|(sum, x)| *sum += x);
         }
+        let [reflected, light, squared] = ideal;
         let mean = estimates.iter().flatten().sum::<f64>() / (2 * DRAWN) as f64;
-        estimates.map(|all| {
+        let [lobes, cosine] = estimates.map(|all| {
             let own = all.iter().sum::<f64>() / DRAWN as f64;
             all.iter().map(|x| (x - own).powi(2)).sum::<f64>() / DRAWN as f64 / mean.powi(2).max(1e-12)
-        })
+        });
+        [lobes, cosine, reflected * squared / light.powi(2).max(1e-12) - 1.0]
     };
-    let sums: Vec<[f64; 2]> = (0..EYES).into_par_iter().map(one).collect();
-    [0, 1].map(|i| sums.iter().map(|of_eye| of_eye[i]).sum::<f64>() / EYES as f64)
+    let sums: Vec<[f64; 3]> = (0..EYES).into_par_iter().map(one).collect();
+    [0, 1, 2].map(|i| sums.iter().map(|of_eye| of_eye[i]).sum::<f64>() / EYES as f64)
 }
 
 /// Prints the tables of the assets in `arguments`.
@@ -115,7 +123,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     ];
     let names: Vec<&str> = edits.iter().map(|(name, _)| *name).collect();
     println!(
-        "| asset | contrast kept: {} | variance under a sky, by lobes / by cosine | with a sun |",
+        "| asset | contrast kept: {} | variance under a sky, by lobes / by cosine / by the value | with a sun |",
         names.join(" | ")
     );
     println!("|{}", "---|".repeat(edits.len() + 3));
@@ -126,7 +134,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
             edits.iter().map(|(_, edit)| format!("{:.1} %", 100.0 * contrast(&asset, Some(*edit)) / before)).collect();
         let resident = Resident::from_asset(&asset);
         let [sky, with_sun] = [0.0, 1.0].map(|sun| variances(&resident, asset.texel_count(), sun));
-        let text = |[lobes, cosine]: [f64; 2]| format!("{lobes:.2} / {cosine:.2} = {:.2}", lobes / cosine);
+        let text = |all: [f64; 3]| all.map(|x| format!("{x:.3}")).join(" / ");
         println!("| {path} | {} | {} | {} |", kept.join(" | "), text(sky), text(with_sun));
     }
     Ok(())

@@ -215,7 +215,7 @@ pub(crate) fn power(base: f32, exponent: f32) -> f32 {
 }
 
 #[inline(always)]
-fn schlick(f0: f32, cos: f32) -> f32 {
+pub(crate) fn schlick(f0: f32, cos: f32) -> f32 {
     let m = 1.0 - cos.clamp(0.0, 1.0);
     f0 + (1.0 - f0) * m * m * m * m * m
 }

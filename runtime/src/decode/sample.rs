@@ -2,14 +2,15 @@
 //! Twin: `decode/sample.wgsl`.
 //!
 //! Half of the directions follow the cosine, because a residual may be anywhere; the others follow one of the texel's
-//! lobes, chosen by its weight. Lobes over a half vector are drawn from GGX of the same roughness [Walter 2007, eq. 35
-//! and 36], whose tails are above those of the other families, so that value over density stays bounded; Lafortune's
-//! from a power of the cosine about its axis. A direction may lie below the horizon, where every value is 0: the
+//! lobes, chosen by its weight and by what it sends to the eye. Lobes over a half vector are drawn from the facets of a
+//! GGX of the same roughness that the eye sees [Heitz 2018; Dupuy 2023], whose tails are above those of the other
+//! families, so that value over density stays bounded; Lafortune's from a power of the cosine about its axis. A direction may lie below the horizon, where every value is 0: the
 //! density is over the whole sphere.
 
-use crate::asset::lobe::{LobeFamily, LobeSetup, power};
+use crate::asset::lobe::{LobeFamily, LobeSetup, power, schlick};
 use crate::decode::texel::lobe_weights;
 use crate::decode::viewed_texel::ViewedTexel;
+use crate::numeric::power::exp;
 use crate::numeric::vector::{cross, dot};
 use std::f32::consts::{PI, TAU};
 
@@ -19,8 +20,10 @@ pub const COSINE_SHARE: f32 = 0.5;
 pub const MIN_ALPHA: f32 = 0.02;
 /// Length below which a Lafortune lobe has no axis.
 pub const MIN_AXIS: f32 = 1e-3;
-/// Upper clamp of a number to draw with, below 1.
-const BELOW_ONE: f32 = 0.999_999_9;
+/// Least share of the light that a lobe with a Fresnel term is taken to reflect.
+pub const MIN_FRESNEL: f32 = 0.02;
+/// Lower clamp of a half vector's cosine with the normal, before it is made a unit vector.
+pub const MIN_UPRIGHT: f32 = 1e-6;
 
 /// Returns the roughness along tangent and bitangent of a family over a half vector, and 0 for the others.
 fn sample_alpha(lobe: &LobeSetup) -> [f32; 2] {
@@ -43,6 +46,12 @@ fn sample_axis(lobe: &LobeSetup, wo: [f32; 3]) -> ([f32; 3], f32) {
     let a = [lobe.params[0] * x, lobe.params[1] * y, lobe.params[2] * z];
     let length = dot(a, a).sqrt();
     (a.map(|x| x / length.max(MIN_AXIS)), length)
+}
+
+/// Returns the direction to the eye in the lobe's frame, in which the facets are stretched to those of a sphere.
+fn sample_stretched(lobe: &LobeSetup, wo: [f32; 3], a: [f32; 2]) -> [f32; 3] {
+    let bitangent = cross(lobe.normal, lobe.tangent);
+    [a[0] * dot(lobe.tangent, wo), a[1] * dot(bitangent, wo), dot(lobe.normal, wo)]
 }
 
 /// Turns a vector from the lobe's frame to the layer's.
@@ -73,10 +82,14 @@ fn sample_turned(v: [f32; 3], axis: [f32; 3]) -> [f32; 3] {
 pub fn sample_lobe_direction(lobe: &LobeSetup, wo: [f32; 3], at: [f32; 2]) -> [f32; 3] {
     let a = sample_alpha(lobe);
     if a[0] > 0.0 {
-        // Slopes of the half vector.
-        let u = at[0].min(BELOW_ONE);
-        let r = (u / (1.0 - u)).sqrt();
-        let h = [a[0] * r * (TAU * at[1]).cos(), a[1] * r * (TAU * at[1]).sin(), 1.0];
+        // The facets are those of a sphere that is stretched: a point of the cap that the stretched eye sees.
+        let eye = sample_stretched(lobe, wo, a);
+        let length = dot(eye, eye).sqrt();
+        let eye = eye.map(|x| x / length);
+        let cos = (1.0 - at[0]) * (1.0 + eye[2]) - eye[2];
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let h = [sin * (TAU * at[1]).cos() + eye[0], sin * (TAU * at[1]).sin() + eye[1], cos + eye[2]];
+        let h = [a[0] * h[0], a[1] * h[1], h[2].max(MIN_UPRIGHT)];
         let length = dot(h, h).sqrt();
         let h = sample_world(lobe, h.map(|x| x / length));
         let twice = 2.0 * dot(wo, h);
@@ -107,7 +120,11 @@ pub fn sample_lobe_density(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> f32 
         let [x, y, z] = [dot(lobe.tangent, h) / a[0], dot(bitangent, h) / a[1], dot(lobe.normal, h)];
         let q = x * x + y * y + z * z;
         let d = 1.0 / (PI * a[0] * a[1] * (q * q).max(1e-12));
-        return d * z / (4.0 * dot(wo, h).abs().max(1e-6));
+        // Twice what the facets that the eye sees cover, projected on the plane across it.
+        let eye = sample_stretched(lobe, wo, a);
+        let [across, length] = [eye[0] * eye[0] + eye[1] * eye[1], dot(eye, eye).sqrt()];
+        let seen = if eye[2] > 0.0 { eye[2] + length } else { across / (length - eye[2]) };
+        return if dot(wo, h) > 0.0 { d / (2.0 * seen.max(1e-12)) } else { 0.0 };
     }
     if lobe.family == LobeFamily::Lafortune {
         let (axis, length) = sample_axis(lobe, wo);
@@ -119,25 +136,32 @@ pub fn sample_lobe_density(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> f32 
     dot(lobe.normal, wi).max(0.0) / PI
 }
 
-/// Returns the importance with which a lobe is chosen, from the mean of its weights: about the share of light that it
-/// reflects.
-fn sample_importance(lobe: &LobeSetup, weight: f32) -> f32 {
-    let share = match lobe.family {
-        LobeFamily::CookTorrance | LobeFamily::Ggx => lobe.params[1].max(0.05),
-        LobeFamily::AshikhminShirley => lobe.params[2].max(0.05),
-        LobeFamily::Lafortune => 0.5,
+/// Returns about the share of a white sky that a lobe of weight 1 sends to the eye.
+fn sample_share(lobe: &LobeSetup, wo: [f32; 3]) -> f32 {
+    let [p0, p1, p2, p3] = lobe.params;
+    let fresnel = |f0: f32| schlick(f0, dot(lobe.normal, wo)).max(MIN_FRESNEL);
+    match lobe.family {
+        LobeFamily::CookTorrance | LobeFamily::Ggx => fresnel(p1),
+        LobeFamily::AshikhminShirley => fresnel(p2),
+        LobeFamily::Lafortune => {
+            // The cosine of the axis stands for that of the directions about it, of which half are above the horizon
+            // where it is 0.
+            let (axis, length) = sample_axis(lobe, wo);
+            let width = 1.0 / (p3 + 2.0);
+            2.0 * width * power(length.min(1.0), p3) * axis[2].max(width.sqrt())
+        }
+        LobeFamily::WindowedCosine => exp((p0 * (dot([p1, p2, p3], wo) - 1.0)).max(-80.0)),
         _ => 1.0,
-    };
-    weight * share
+    }
 }
 
 impl ViewedTexel<'_> {
-    /// Returns the texel's lobes and their importance.
+    /// Returns the texel's lobes and their importance: the mean of the weights, times what the lobe sends to the eye.
     fn sampled_lobes(&self) -> impl Iterator<Item = (LobeSetup, f32)> {
         let t = self.texel();
         t.lobes_of(t.dictionary(t.edit)).map(|(words, reference)| {
             let lobe = LobeSetup::from_resident_words(words);
-            (lobe, sample_importance(&lobe, lobe_weights(words, reference).iter().sum::<f32>() / 3.0))
+            (lobe, lobe_weights(words, reference).iter().sum::<f32>() / 3.0 * sample_share(&lobe, self.eye()))
         })
     }
 

@@ -4,6 +4,8 @@
 const COSINE_SHARE: f32 = 0.5;
 const MIN_ALPHA: f32 = 0.02;
 const MIN_AXIS: f32 = 1e-3;
+const MIN_FRESNEL: f32 = 0.02;
+const MIN_UPRIGHT: f32 = 1e-6;
 const SAMPLE_PI: f32 = 3.14159265;
 const SAMPLE_TAU: f32 = 6.2831853;
 
@@ -27,6 +29,12 @@ fn sample_axis(lobe: LobeSetup, wo: vec3<f32>) -> vec4<f32> {
     let a = lobe.params.xyz * vec3<f32>(dot(lobe.tangent, wo), dot(bitangent, wo), dot(lobe.normal, wo));
     let size = length(a);
     return vec4<f32>(a / max(size, MIN_AXIS), size);
+}
+
+// Returns the direction to the eye in the lobe's frame, in which the facets are stretched to those of a sphere.
+fn sample_stretched(lobe: LobeSetup, wo: vec3<f32>, a: vec2<f32>) -> vec3<f32> {
+    let bitangent = cross(lobe.normal, lobe.tangent);
+    return vec3<f32>(a * vec2<f32>(dot(lobe.tangent, wo), dot(bitangent, wo)), dot(lobe.normal, wo));
 }
 
 // Turns a vector from the lobe's frame to the layer's.
@@ -54,11 +62,11 @@ fn sample_turned(v: vec3<f32>, axis: vec3<f32>) -> vec3<f32> {
 fn sample_lobe_direction(lobe: LobeSetup, wo: vec3<f32>, at: vec2<f32>) -> vec3<f32> {
     let a = sample_alpha(lobe);
     if a.x > 0.0 {
-        // Slopes of the half vector.
-        let u = min(at.x, 0.9999999);
-        let r = sqrt(u / (1.0 - u));
-        let slopes = a * r * vec2<f32>(cos(SAMPLE_TAU * at.y), sin(SAMPLE_TAU * at.y));
-        let h = sample_world(lobe, normalize(vec3<f32>(slopes, 1.0)));
+        let eye = normalize(sample_stretched(lobe, wo, a));
+        let c = (1.0 - at.x) * (1.0 + eye.z) - eye.z;
+        let s = sqrt(max(1.0 - c * c, 0.0));
+        let facet = vec3<f32>(s * cos(SAMPLE_TAU * at.y), s * sin(SAMPLE_TAU * at.y), c) + eye;
+        let h = sample_world(lobe, normalize(vec3<f32>(a * facet.xy, max(facet.z, MIN_UPRIGHT))));
         return 2.0 * dot(wo, h) * h - wo;
     }
     if lobe.family == 5u {
@@ -85,7 +93,13 @@ fn sample_lobe_density(lobe: LobeSetup, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
         let z = dot(lobe.normal, h);
         let q = x * x + y * y + z * z;
         let d = 1.0 / (SAMPLE_PI * a.x * a.y * max(q * q, 1e-12));
-        return d * z / (4.0 * max(abs(dot(wo, h)), 1e-6));
+        // Twice what the facets that the eye sees cover, projected on the plane across it.
+        let eye = sample_stretched(lobe, wo, a);
+        var seen = eye.z + length(eye);
+        if eye.z <= 0.0 {
+            seen = dot(eye.xy, eye.xy) / (length(eye) - eye.z);
+        }
+        return select(0.0, d / (2.0 * max(seen, 1e-12)), dot(wo, h) > 0.0);
     }
     if lobe.family == 5u {
         let axis = sample_axis(lobe, wo);
@@ -97,14 +111,19 @@ fn sample_lobe_density(lobe: LobeSetup, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
     return max(dot(lobe.normal, wi), 0.0) / SAMPLE_PI;
 }
 
-// Returns the importance with which a lobe is chosen, from the mean of its weights: about the share of light that it
-// reflects.
-fn sample_importance(lobe: LobeSetup, weight: f32) -> f32 {
+// Returns about the share of a white sky that a lobe of weight 1 sends to the eye.
+fn sample_share(lobe: LobeSetup, wo: vec3<f32>) -> f32 {
+    let p = lobe.params;
     switch lobe.family {
-        case 4u, 7u: { return weight * max(lobe.params.y, 0.05); }
-        case 6u: { return weight * max(lobe.params.z, 0.05); }
-        case 5u: { return weight * 0.5; }
-        default: { return weight; }
+        case 4u, 7u: { return max(schlick(p.y, dot(lobe.normal, wo)), MIN_FRESNEL); }
+        case 6u: { return max(schlick(p.z, dot(lobe.normal, wo)), MIN_FRESNEL); }
+        case 5u: {
+            let axis = sample_axis(lobe, wo);
+            let width = 1.0 / (p.w + 2.0);
+            return 2.0 * width * power(min(axis.w, 1.0), p.w) * max(axis.z, sqrt(width));
+        }
+        case 8u: { return exp(max(p.x * (dot(p.yzw, wo) - 1.0), -80.0)); }
+        default: { return 1.0; }
     }
 }
 
@@ -114,12 +133,12 @@ struct SampleLobe {
     importance: f32,
 }
 
-fn sample_lobe_at(t: Texel, slot: u32) -> SampleLobe {
+fn sample_lobe_at(t: Texel, slot: u32, wo: vec3<f32>) -> SampleLobe {
     let reference = asset_word(t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref + slot);
     let dictionary = texel_dictionary(t, t.edit);
     let one = texel_lobe(dictionary, reference);
     let weight = (one.weights.x + one.weights.y + one.weights.z) / 3.0;
-    return SampleLobe(one.lobe, sample_importance(one.lobe, weight));
+    return SampleLobe(one.lobe, weight * sample_share(one.lobe, wo));
 }
 
 // Draws a direction to light that matters to this eye, in the texel's frame; it may lie where the value is 0.
@@ -127,13 +146,13 @@ fn sample_direction(viewed: ViewedTexel, at: vec3<f32>) -> vec3<f32> {
     let t = viewed.t;
     var total = 0.0;
     for (var slot = 0u; slot < t.lobes; slot++) {
-        total += sample_lobe_at(t, slot).importance;
+        total += sample_lobe_at(t, slot, viewed.wo).importance;
     }
     var wi = sample_about_z(1.0, at.xy);
     if total > 0.0 && at.z >= COSINE_SHARE {
         var rest = (at.z - COSINE_SHARE) / (1.0 - COSINE_SHARE) * total;
         for (var slot = 0u; slot < t.lobes; slot++) {
-            let one = sample_lobe_at(t, slot);
+            let one = sample_lobe_at(t, slot, viewed.wo);
             if rest < one.importance || slot + 1u == t.lobes {
                 wi = sample_lobe_direction(one.lobe, viewed.wo, at.xy);
                 break;
@@ -157,7 +176,7 @@ fn sample_density(viewed: ViewedTexel, wi_given: vec3<f32>) -> f32 {
     var sum = 0.0;
     var total = 0.0;
     for (var slot = 0u; slot < t.lobes; slot++) {
-        let one = sample_lobe_at(t, slot);
+        let one = sample_lobe_at(t, slot, viewed.wo);
         sum += one.importance * sample_lobe_density(one.lobe, wi, viewed.wo);
         total += one.importance;
     }

@@ -514,14 +514,23 @@ impl<'a, 'b> Rows<'a, 'b> {
     }
 }
 
-/// Returns the stream of each group of a residual's coefficients, which `code_group` reads; and what a reader will make
-/// of them.
+/// Returns the stream of each group of a residual's coefficients, which [`code_group`] reads.
 pub(crate) fn encode_groups(residual: &Residual, width: usize, texel_clusters: &[u8]) -> Vec<Vec<u8>> {
-    let mut codes = texel_major(&residual.coefficients, texel_clusters.len());
-    let given = codes.clone();
-    let mut choice = Given { codes: &given, components: residual.coefficients.len() };
+    let components = residual.coefficients.len();
+    let given = texel_major(&residual.coefficients, texel_clusters.len());
+    let mut codes = given.clone();
     let steps: Vec<f32> = residual.coefficients.iter().map(|plane| plane.step).collect();
-    encode_with(&mut choice, residual, (width, texel_clusters), &steps, &mut codes)
+    let mut first = 0;
+    let streams = residual.groups.iter().map(|group| {
+        let end = first + group.components;
+        let (bases, steps) = (&residual.bases[..=end], &steps[..end]);
+        let frame = CoefficientFrame { width, texel_clusters, bases, steps, components };
+        let mut coder = Encoder::new();
+        code_group(&mut coder, &mut Given { codes: &given, components }, &frame, (group, first), &mut codes);
+        first = end;
+        coder.finish()
+    });
+    streams.collect()
 }
 
 /// Chooses the codes of a residual's coefficients: those of least squared error and bits together, with a bit at
@@ -562,27 +571,6 @@ pub fn choose_coefficients(
         plane.codes = codes.iter().skip(j).step_by(components).copied().collect();
     }
     bytes
-}
-
-fn encode_with(
-    choice: &mut impl Choice,
-    residual: &Residual,
-    (width, texel_clusters): (usize, &[u8]),
-    steps: &[f32],
-    codes: &mut [i8],
-) -> Vec<Vec<u8>> {
-    let mut first = 0;
-    let streams = residual.groups.iter().map(|group| {
-        let end = first + group.components;
-        let components = steps.len();
-        let (bases, steps) = (&residual.bases[..=end], &steps[..end]);
-        let frame = CoefficientFrame { width, texel_clusters, bases, steps, components };
-        let mut coder = Encoder::new();
-        code_group(&mut coder, choice, &frame, (group, first), codes);
-        first = end;
-        coder.finish()
-    });
-    streams.collect()
 }
 
 /// Returns codes `[texel][component]` of planes.

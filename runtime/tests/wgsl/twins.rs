@@ -107,6 +107,8 @@ fn decoder() -> [Constants; 2] {
         ("COSINE_SHARE", COSINE_SHARE),
         ("MIN_ALPHA", MIN_ALPHA),
         ("MIN_AXIS", MIN_AXIS),
+        ("MIN_FRESNEL", MIN_FRESNEL),
+        ("MIN_UPRIGHT", MIN_UPRIGHT),
         ("UNIT_MIN", *UNIT_RANGE.start()),
         ("UNIT_MAX", *UNIT_RANGE.end()),
     ]);
