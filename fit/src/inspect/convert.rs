@@ -7,7 +7,7 @@ use btf_runtime::{Asset, ResidentFile, pack, with_levels};
 /// Shape that [`convert`] makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
-    /// The file form with levels: about a quarter more bytes, and a reader need not make the levels.
+    /// The file form without levels.
     Plain,
     /// The file form with levels: about a quarter more bytes, and a reader need not make the levels.
     Levels,
