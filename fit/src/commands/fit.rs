@@ -43,8 +43,8 @@ pub(super) struct FitArgs {
     /// asset that reaches it is chosen
     #[arg(long, value_name = "DB")]
     psnr: Option<f64>,
-    /// Clusters of texels, 1 to 256, each with its own lobes and bases; 32 if not given, 16 where --bytes leaves less
-    /// than 2 bytes a texel
+    /// Clusters of texels, 1 to 256, each with its own lobes and bases; 32 if not given, with --bytes or --psnr one for
+    /// each 1024 texels, 4 to 32, and at most 16 where --bytes leaves less than a byte a texel
     #[arg(long, value_name = "N")]
     clusters: Option<usize>,
     /// Most lobes, 0 to 32: of a texel as base, of a cluster as guide; 8 if not given, with --bytes or --psnr 4, and
@@ -207,7 +207,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     if let Some(first) = captures.first() {
         let bytes = params.bytes.map(|bytes| bytes / captures.len() as u64);
         let texels = first.info().texel_count();
-        params.clusters = args.clusters.unwrap_or(FitParams::clusters_for(bytes, texels));
+        params.clusters = args.clusters.unwrap_or(params.clusters_for(bytes, texels));
         params.lobes = args.lobes.unwrap_or(params.lobes_for(bytes, params.clusters));
     }
     let params = check(&params)?;
