@@ -23,7 +23,7 @@ pub const MIN_AXIS: f32 = 1e-3;
 /// Least share of the light that a lobe with a Fresnel term is taken to reflect.
 pub const MIN_FRESNEL: f32 = 0.02;
 /// Lower clamp of a half vector's cosine with the normal, before it is made a unit vector.
-pub const MIN_UPRIGHT: f32 = 1e-6;
+pub const MIN_FACET_COS: f32 = 1e-6;
 
 /// Returns the roughness along tangent and bitangent of a family over a half vector, and 0 for the others.
 fn sample_alpha(lobe: &LobeSetup) -> [f32; 2] {
@@ -89,7 +89,7 @@ pub fn sample_lobe_direction(lobe: &LobeSetup, wo: [f32; 3], at: [f32; 2]) -> [f
         let cos = (1.0 - at[0]) * (1.0 + eye[2]) - eye[2];
         let sin = (1.0 - cos * cos).max(0.0).sqrt();
         let h = [sin * (TAU * at[1]).cos() + eye[0], sin * (TAU * at[1]).sin() + eye[1], cos + eye[2]];
-        let h = [a[0] * h[0], a[1] * h[1], h[2].max(MIN_UPRIGHT)];
+        let h = [a[0] * h[0], a[1] * h[1], h[2].max(MIN_FACET_COS)];
         let length = dot(h, h).sqrt();
         let h = sample_world(lobe, h.map(|x| x / length));
         let twice = 2.0 * dot(wo, h);

@@ -5,7 +5,7 @@ const COSINE_SHARE: f32 = 0.5;
 const MIN_ALPHA: f32 = 0.02;
 const MIN_AXIS: f32 = 1e-3;
 const MIN_FRESNEL: f32 = 0.02;
-const MIN_UPRIGHT: f32 = 1e-6;
+const MIN_FACET_COS: f32 = 1e-6;
 const SAMPLE_PI: f32 = 3.14159265;
 const SAMPLE_TAU: f32 = 6.2831853;
 
@@ -66,7 +66,7 @@ fn sample_lobe_direction(lobe: LobeSetup, wo: vec3<f32>, at: vec2<f32>) -> vec3<
         let c = (1.0 - at.x) * (1.0 + eye.z) - eye.z;
         let s = sqrt(max(1.0 - c * c, 0.0));
         let facet = vec3<f32>(s * cos(SAMPLE_TAU * at.y), s * sin(SAMPLE_TAU * at.y), c) + eye;
-        let h = sample_world(lobe, normalize(vec3<f32>(a * facet.xy, max(facet.z, MIN_UPRIGHT))));
+        let h = sample_world(lobe, normalize(vec3<f32>(a * facet.xy, max(facet.z, MIN_FACET_COS))));
         return 2.0 * dot(wo, h) * h - wo;
     }
     if lobe.family == 5u {

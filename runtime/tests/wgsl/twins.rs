@@ -108,7 +108,7 @@ fn decoder() -> [Constants; 2] {
         ("MIN_ALPHA", MIN_ALPHA),
         ("MIN_AXIS", MIN_AXIS),
         ("MIN_FRESNEL", MIN_FRESNEL),
-        ("MIN_UPRIGHT", MIN_UPRIGHT),
+        ("MIN_FACET_COS", MIN_FACET_COS),
         ("UNIT_MIN", *UNIT_RANGE.start()),
         ("UNIT_MAX", *UNIT_RANGE.end()),
     ]);
