@@ -149,8 +149,9 @@ pub struct FitParams {
 /// Texels that a cluster has on average at least, where there are more than [`MIN_CLUSTERS`]. Layered pebbles of 96 x 96
 /// texels in 300 kB have 29.6, 29.1 and 28.5 dB with 8, 16 and 32 clusters.
 const MIN_CLUSTER_TEXELS: usize = 1024;
-/// Least number of clusters, and the most with less than a byte a texel.
+/// Least number of clusters of a fit with a goal.
 const MIN_CLUSTERS: usize = 4;
+/// Largest number of clusters where a file has less than a byte a texel.
 const MAX_SMALL_CLUSTERS: usize = 16;
 
 impl Default for FitParams {
@@ -175,12 +176,17 @@ impl Default for FitParams {
 }
 
 impl FitParams {
+    /// Returns whether a size or an error is asked for.
+    fn has_goal(&self) -> bool {
+        self.bytes.is_some() || self.psnr_db.is_some()
+    }
+
     /// Returns the clusters that a fit of `texels` texels a layer does best with. With a goal in bytes or in dB a cluster has
     /// to share its mixtures of bases among a thousand texels; and where `bytes` for each layer are less than a byte a
     /// texel, ids of more than 16 clusters take bytes that coefficients use better.
     pub fn clusters_for(&self, bytes: Option<u64>, texels: usize) -> usize {
         let most = FitParams::default().clusters;
-        if bytes.is_none() && self.psnr_db.is_none() {
+        if !self.has_goal() {
             return most;
         }
         let most = if bytes.is_some_and(|bytes| bytes < texels as u64) { MAX_SMALL_CLUSTERS } else { most };
@@ -190,8 +196,7 @@ impl FitParams {
     /// Returns the most lobes that a fit should have whose layers have `clusters` clusters and may take `bytes` each,
     /// `None` for any size: where a file is small, so few, at least 1, that they take at most 2.5 % of it.
     pub fn lobes_for(&self, bytes: Option<u64>, clusters: usize) -> usize {
-        let goal = self.bytes.is_some() || self.psnr_db.is_some();
-        if !goal || self.role == Some(Role::Guide) {
+        if !self.has_goal() || self.role == Some(Role::Guide) {
             return FitParams::default().lobes;
         }
         let affordable = bytes.map_or(f64::INFINITY, |bytes| {

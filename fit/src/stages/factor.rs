@@ -37,7 +37,7 @@ struct RoundedSide {
     matrix: Array2<f32>,
     /// The matrix in the exact frame, `[exact rank, rank]`.
     frame: Array2<f32>,
-    /// Its pseudo-inverse, `[rank, exact rank]`.
+    /// Pseudo-inverse of the frame, `[rank, exact rank]`.
     inverse: Array2<f32>,
 }
 

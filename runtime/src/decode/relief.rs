@@ -72,7 +72,7 @@ pub(crate) struct OwnLight {
     pub wi: [f32; 3],
     /// The light's nearest direction within the hull of the measured ones.
     pub toward: [f32; 3],
-    /// That of the light's [`crate::Neighbours`].
+    /// Fall of the value beyond the hull of the measured lights, as in the light's [`crate::Neighbours`].
     pub beyond: f32,
 }
 

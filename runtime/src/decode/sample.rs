@@ -4,8 +4,8 @@
 //! Half of the directions follow the cosine, because a residual may be anywhere; the others follow one of the texel's
 //! lobes, chosen by its weight and by what it sends to the eye. Lobes over a half vector are drawn from the facets of a
 //! GGX of the same roughness that the eye sees [Heitz 2018; Dupuy 2023], whose tails are above those of the other
-//! families, so that value over density stays bounded; Lafortune's from a power of the cosine about its axis. A direction may lie below the horizon, where every value is 0: the
-//! density is over the whole sphere.
+//! families, so that value over density stays bounded; Lafortune's from a power of the cosine about its axis. A
+//! direction may lie below the horizon, where every value is 0: the density is over the whole sphere.
 
 use crate::asset::lobe::{LobeFamily, LobeSetup, power, schlick};
 use crate::decode::texel::lobe_weights;
@@ -120,7 +120,8 @@ pub fn sample_lobe_density(lobe: &LobeSetup, wi: [f32; 3], wo: [f32; 3]) -> f32 
         let [x, y, z] = [dot(lobe.tangent, h) / a[0], dot(bitangent, h) / a[1], dot(lobe.normal, h)];
         let q = x * x + y * y + z * z;
         let d = 1.0 / (PI * a[0] * a[1] * (q * q).max(1e-12));
-        // Twice what the facets that the eye sees cover, projected on the plane across it.
+        // Twice what the facets that the eye sees cover, projected on the plane across it. Both forms are equal; the
+        // second does not cancel where the eye is below the lobe's horizon.
         let eye = sample_stretched(lobe, wo, a);
         let [across, length] = [eye[0] * eye[0] + eye[1] * eye[1], dot(eye, eye).sqrt()];
         let seen = if eye[2] > 0.0 { eye[2] + length } else { across / (length - eye[2]) };

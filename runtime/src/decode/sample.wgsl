@@ -93,7 +93,8 @@ fn sample_lobe_density(lobe: LobeSetup, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
         let z = dot(lobe.normal, h);
         let q = x * x + y * y + z * z;
         let d = 1.0 / (SAMPLE_PI * a.x * a.y * max(q * q, 1e-12));
-        // Twice what the facets that the eye sees cover, projected on the plane across it.
+        // Twice what the facets that the eye sees cover, projected on the plane across it. Both forms are equal; the
+        // second does not cancel where the eye is below the lobe's horizon.
         let eye = sample_stretched(lobe, wo, a);
         var seen = eye.z + length(eye);
         if eye.z <= 0.0 {
