@@ -49,7 +49,9 @@ pub use inspect::describe_resident::{ResidentDescription, describe_resident};
 pub use inspect::describe_voltex::{
     LevelDescription, MaterialUse, VoltexDescription, VoltexTier, describe_voltex, load_voltex,
 };
-pub use inspect::load::{load_asset, read_file, resident_in_parallel, with_path};
+pub use inspect::load::{
+    load_asset, packed_in_parallel, read_file, resident_in_parallel, unpacked_in_parallel, with_path,
+};
 pub use inspect::lobe_use::LobeUse;
 pub use inspect::sections::SectionSize;
 pub use inspect::validate::{FindingCounts, FindingRecord, Validation, validate, validate_file, validate_voltex};

@@ -176,6 +176,8 @@ rules! { "SPMM"
     CODE_WORDS = 3402, "a texel's codes do not match the bases", CONVERT;
     BASIS_NOT_FINITE = 3403, "a basis is not finite", CONVERT;
     OTHER_BASES = 3404, "a level has other bases than the finest", CONVERT;
+    PACKED_BASIS = 3405, "a packed basis is out of its range", CONVERT;
+    PACKED_ROWS = 3406, "packed rows are not where they may be, or not as long as their numbers", CONVERT;
     EDITS_BEYOND = 3501, "its edits reach beyond the words", CONVERT;
     EDITS_COUNTED = 3502, "its edits are not 0 to 255", CONVERT;
     EDIT_RANGE = 3503, "an edit is out of its range", CONVERT;

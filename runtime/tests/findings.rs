@@ -5,8 +5,9 @@ use btf_runtime::testing::{
     sample_heights, sample_relief_asset,
 };
 use btf_runtime::{
-    ASSET_LAYERS, Asset, Edit, Edits, FormatError, Levels, PredictedGroup, Resident, ResidentFile, ResidualKind, Rule,
-    SectionKind, Severity, Sphere, SurfaceSide, block, open, pack, read_directory, rule, serial, validate, with_levels,
+    ASSET_LAYERS, Asset, Edit, Edits, FormatError, Levels, PackedGoal, PredictedGroup, Resident, ResidentFile,
+    ResidualKind, Rule, SectionKind, Severity, Sphere, SurfaceSide, block, open, pack, read_directory, rule, serial,
+    validate, with_levels,
 };
 use std::sync::Arc;
 
@@ -75,14 +76,29 @@ fn too_slow() -> Vec<u8> {
 }
 
 fn resident_parts(asset: &Asset) -> FileParts {
-    let resident = Resident::from_asset(asset);
+    parts_of_words(Resident::from_asset(asset))
+}
+
+fn parts_of_words(resident: Resident) -> FileParts {
     let file = ResidentFile { resident, size_mm: None, seamless: [true; 2], material: "{}".into() };
     FileParts::from_bytes(&file.pack().unwrap()).unwrap()
 }
 
 /// Returns the resident form of an asset with words that `change` has changed.
 fn with_words(asset: &Asset, change: impl Fn(&mut Vec<u32>)) -> Vec<u8> {
-    let mut parts = resident_parts(asset);
+    with_words_of(resident_parts(asset), change)
+}
+
+/// Returns the resident form with packed bases of an asset with a changed word of them.
+fn with_packed(asset: &Asset, offset: usize, value: impl Fn(u32) -> u32) -> Vec<u8> {
+    let packed = Resident::packed_on(asset, PackedGoal::Noise(0.01), &serial);
+    with_words_of(parts_of_words(packed), |words| {
+        let at = words[words[ASSET_LAYERS] as usize + block::BASIS] as usize + offset;
+        words[at] = value(words[at]);
+    })
+}
+
+fn with_words_of(mut parts: FileParts, change: impl Fn(&mut Vec<u32>)) -> Vec<u8> {
     let mut words: Vec<u32> =
         (0..parts.sections[1].bytes.len() / 4).map(|i| word(&parts.sections[1].bytes, i)).collect();
     change(&mut words);
@@ -312,7 +328,13 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         (rule::DICTIONARY_CONTENT, with_part(asset, dictionaries, clusters + 1, |_| 99)),
         (rule::RECORD, with_part(asset, block::RECORDS, 0, |record| record | 0xff)),
         (rule::NO_LOBE, with_part(asset, block::REFS, 0, |reference| reference | 0xff)),
-        (rule::CHANNEL_WORDS, with_field(asset, 0, block::CHANNEL_WORDS, |_| 0)),
+        (rule::CHANNEL_WORDS, with_field(asset, 0, block::CHANNEL_WORDS, |_| 99)),
+        (rule::PACKED_BASIS, with_packed(asset, 4 + 2 * clusters, |word| word | 0x7c00)),
+        (rule::PACKED_BASIS, with_packed(asset, 4 + 2 * clusters, |word| word | 1 << 28)),
+        (rule::PACKED_BASIS, with_packed(asset, 0, |_| NAN)),
+        (rule::PACKED_ROWS, with_packed(asset, 5, |words| words + 1)),
+        (rule::PACKED_ROWS, with_packed(asset, 4, |_| FAR)),
+        (rule::PACKED_ROWS, with_packed(asset, 1, |bases| bases + 1)),
         (rule::CODE_WORDS, with_field(asset, 0, block::CODE_WORDS, |words| words + 1)),
         (rule::BASIS_NOT_FINITE, with_part(asset, block::BASIS, 5, |_| 0x7c00)),
         (rule::OTHER_BASES, with_field(asset, 1, block::BASIS, |at| at - 64)),

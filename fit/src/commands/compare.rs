@@ -8,10 +8,13 @@ use super::progress;
 use btf_capture::{Capture, CaptureInfo, Direction, write_file_atomically};
 use btf_fit::{
     MeasureParams, Metrics, ReportInput, ReportLayer, bytes_from_text, layer_for_capture, load_asset, load_voltex,
-    measure, peak_memory_bytes, report_html, resident_in_parallel, write_heatmaps,
+    measure, packed_in_parallel, peak_memory_bytes, report_html, resident_in_parallel, unpacked_in_parallel,
+    write_heatmaps,
 };
+use btf_runtime::Resident;
 use clap::Args;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Measure the error of an asset against a capture, or of a volumetric texture against its model
@@ -43,6 +46,9 @@ pub(super) struct CompareArgs {
     /// Of a volumetric texture also measure what each of its terms is worth, and simplified meshes; takes minutes
     #[arg(long, conflicts_with_all = ["layer", "max_theta", "heatmap", "report"])]
     ablate: bool,
+    /// Decode as a renderer does that holds the asset with packed bases in at most this size, such as 15MB
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, conflicts_with_all = ["ablate", "report"])]
+    resident_bytes: Option<u64>,
     /// Most memory to use for images
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB")]
     memory: u64,
@@ -66,6 +72,9 @@ struct CompareResult {
     /// Side of the capture, in its own words.
     side: String,
     bytes: usize,
+    /// Bytes of the packed resident form, where it was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resident_bytes: Option<usize>,
     #[serde(flatten)]
     metrics: Metrics,
     texels: usize,
@@ -118,12 +127,14 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
     };
 
     let monitor = progress::monitor(shared, None)?;
-    let resident = resident_in_parallel(&asset);
+    let packed = args.resident_bytes.map(|most| packed_in_parallel(&asset, most)).transpose()?;
+    let resident = if packed.is_some() { Resident::without_bases(&asset) } else { resident_in_parallel(&asset) };
     let params = MeasureParams {
         layer,
         options: args.decoding.options(),
         memory_bytes: args.memory,
         pairs: args.max_theta.map(|most| pairs_within(capture.info(), most)).transpose()?,
+        bases: packed.as_ref().map(|packed| Arc::new(unpacked_in_parallel(packed))),
         ..MeasureParams::default()
     };
     let comparison = monitor.stage("measure", || measure(&capture, &asset, &resident, &params, &monitor))?;
@@ -155,6 +166,7 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         layer,
         side: capture.info().side.to_string(),
         bytes: bytes.len(),
+        resident_bytes: packed.as_ref().map(|packed| 4 * packed.words().len()),
         metrics: comparison.metrics(),
         texels: comparison.width * comparison.height,
         pairs: comparison.pairs.len(),

@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::options::Shared;
 use super::output::{check_file, tell};
 use btf_capture::write_file_atomically;
-use btf_fit::{Shape, convert, load_asset, text_from_bytes};
+use btf_fit::{Shape, bytes_from_text, convert, load_asset, text_from_bytes};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -17,6 +17,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   btf-fit convert wool.spmm --to levels -o wool_levels.spmm
   btf-fit convert wool.spmm --to resident -o wool.resident.spmm
+  btf-fit convert wool.spmm --to resident --resident-bytes 15MB -o wool.resident.spmm
   btf-fit convert wool.spmm --level 2 -o wool_a_quarter.spmm")]
 pub(super) struct ConvertArgs {
     /// The asset, or a tier of one
@@ -28,6 +29,9 @@ pub(super) struct ConvertArgs {
     /// The shape to write
     #[arg(long, value_enum, default_value = "resident")]
     to: ShapeArg,
+    /// Pack the bases of the resident form so that all of it takes at most this size, such as 15MB
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, conflicts_with = "level")]
+    resident_bytes: Option<u64>,
     /// Write one level alone as an asset of its own: 0 is the finest, 1 has half its side, and so on
     #[arg(long, value_name = "N", conflicts_with = "to")]
     level: Option<usize>,
@@ -65,7 +69,7 @@ pub(super) fn run(args: &ConvertArgs, shared: &Shared) -> Result<(), Failure> {
         (Some(number), _) => Shape::Level(number),
         (None, ShapeArg::Plain) => Shape::Plain,
         (None, ShapeArg::Levels) => Shape::Levels,
-        (None, ShapeArg::Resident) => Shape::Resident,
+        (None, ShapeArg::Resident) => args.resident_bytes.map_or(Shape::Resident, Shape::Packed),
     };
     let bytes = convert(&asset, shape)?;
     write_file_atomically(&args.out, &bytes)?;

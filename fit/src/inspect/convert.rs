@@ -1,7 +1,7 @@
 //! Conversion of an asset to other shapes: with coarser levels, or in its resident form.
 
 use crate::error::FitError;
-use crate::inspect::load::parallel;
+use crate::inspect::load::{packed_in_parallel, parallel};
 use btf_runtime::{Asset, ResidentFile, pack, with_levels};
 
 /// Shape that [`convert`] makes.
@@ -13,6 +13,8 @@ pub enum Shape {
     Levels,
     /// The resident form with levels: many times the bytes; it is mapped into memory and nothing is decoded.
     Resident,
+    /// The resident form with levels and packed bases, of at most so many bytes.
+    Packed(u64),
     /// One level alone as an asset of its own; 0 is the finest, and numbers beyond the last give the coarsest.
     Level(usize),
 }
@@ -22,12 +24,17 @@ pub enum Shape {
 /// Cost: making levels takes some seconds for 256 x 256 texels.
 ///
 /// # Errors
-/// [`FitError::Pack`] for a resident form of 4 GiB and more.
+/// [`FitError::Pack`] for a resident form of 4 GiB and more, [`FitError::Budget`] for bytes that are too few.
 pub fn convert(asset: &Asset, shape: Shape) -> Result<Vec<u8>, FitError> {
     match shape {
         Shape::Plain => Ok(pack(&asset.without_levels())?),
         Shape::Levels => Ok(pack(&with_levels(asset, &parallel))?),
         Shape::Level(number) => Ok(pack(&with_levels(asset, &parallel).level(number))?),
+        Shape::Packed(bytes) => {
+            let asset = with_levels(asset, &parallel);
+            let resident = packed_in_parallel(&asset, bytes)?;
+            Ok(ResidentFile::with_words(asset, resident).pack()?)
+        }
         Shape::Resident => Ok(ResidentFile::of_asset(with_levels(asset, &parallel), &parallel).pack()?),
     }
 }

@@ -32,6 +32,8 @@ pub struct ResidentDescription {
     pub layers: Vec<String>,
     /// Residual components of the layer that has most.
     pub components: u32,
+    /// Whether bases are packed.
+    pub packed: bool,
     /// Lobes that the texel with most of them refers to.
     pub lobes: u32,
     /// The asset's own description.
@@ -57,6 +59,7 @@ pub fn describe_resident(bytes: Vec<u8>) -> Result<ResidentDescription, FitError
         levels: (0..resident.levels()).map(|level| resident.size(level * resident.layers())).collect(),
         layers: sides_of_resident(resident).iter().map(ToString::to_string).collect(),
         components: resident.most_components(),
+        packed: (0..resident.layers()).any(|layer| resident.is_packed(layer)),
         lobes: resident.most_lobes(),
         material: Material::from_text(&file.material)?,
     })
@@ -73,7 +76,8 @@ impl Display for ResidentDescription {
         writeln!(f, "format      version {}", self.version)?;
         writeln!(f, "levels      {}", self.levels.len())?;
         writeln!(f, "layers      {}", self.layers.join(", "))?;
-        writeln!(f, "residual    {} components", self.components)?;
+        let packed = if self.packed { ", bases packed" } else { "" };
+        writeln!(f, "residual    {} components{packed}", self.components)?;
         write!(f, "lobes       at most {} looked up for a texel, its own or, as guide, its cluster's", self.lobes)
     }
 }

@@ -1,7 +1,8 @@
 //! Files and assets read on all threads, with messages that name the file.
 
 use crate::error::FitError;
-use btf_runtime::{Asset, Resident};
+use crate::units::text_from_bytes;
+use btf_runtime::{Asset, PackedGoal, Resident, SingleBases};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -13,6 +14,27 @@ pub(crate) fn parallel(count: usize, work: &(dyn Fn(usize) + Sync)) {
 /// Returns the resident form of `asset`, whose clusters are expanded on all threads of the pool.
 pub fn resident_in_parallel(asset: &Asset) -> Resident {
     Resident::from_asset_on(asset, &parallel)
+}
+
+/// Returns the resident form of `asset` with packed bases, of at most `most_bytes` in all.
+///
+/// # Errors
+/// [`FitError::Budget`] if it takes more without any component.
+pub fn packed_in_parallel(asset: &Asset, most_bytes: u64) -> Result<Resident, FitError> {
+    let resident = Resident::packed_on(asset, PackedGoal::Bytes(most_bytes), &parallel);
+    let needed = 4 * resident.words().len() as u64;
+    match needed <= most_bytes {
+        true => Ok(resident),
+        false => Err(FitError::Budget(format!(
+            "in memory the asset takes {} at least; allow that with --resident-bytes, or take a coarser level of it with btf-fit convert --level",
+            text_from_bytes(needed)
+        ))),
+    }
+}
+
+/// Returns the bases of a packed resident form ([`packed_in_parallel`]) as single numbers.
+pub fn unpacked_in_parallel(packed: &Resident) -> SingleBases {
+    SingleBases::of_packed(packed, &parallel)
 }
 
 /// Reads and parses an asset file; returns its bytes and the asset.

@@ -14,8 +14,9 @@ use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 use crate::monitor::Monitor;
 use crate::resume::stored::stored_structs;
 use btf_capture::{Capture, CaptureInfo, Pixels};
-use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident};
+use btf_runtime::{Asset, DecodeOptions, Interpolation, Resident, SingleBases};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Number of pairs that the colour difference is taken over, about.
 const COLOUR_PAIRS: usize = 256;
@@ -39,6 +40,8 @@ pub struct MeasureParams {
     pub pairs: Option<Vec<usize>>,
     /// Memory limit in bytes; the batch of images takes at most an eighth of it.
     pub memory_bytes: u64,
+    /// Bases of the same asset to decode with, in place of those of the resident form.
+    pub bases: Option<Arc<SingleBases>>,
 }
 
 impl Default for MeasureParams {
@@ -50,6 +53,7 @@ impl Default for MeasureParams {
             options: DecodeOptions { interpolation: Interpolation::Exact, ..DecodeOptions::default() },
             pairs: None,
             memory_bytes: 4_000_000_000,
+            bases: None,
         }
     }
 }
@@ -205,7 +209,10 @@ pub fn measure_images(
     params: &MeasureParams,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
-    let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
+    let mut decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
+    if let Some(bases) = &params.bases {
+        decoder = decoder.with_single_bases(bases);
+    }
     measure_decoder(info, read, ToneCurve::of_capture(info, read)?, asset, &decoder, params, monitor)
 }
 

@@ -1,7 +1,7 @@
 //! Writes the first inputs of the fuzz targets to `corpus`. A fuzzer's `-merge=1` adds the inputs that it finds.
 
 use btf_runtime::testing::{Random, sample_grouped_asset, sample_volume};
-use btf_runtime::{ResidentFile, ResidualKind, pack, serial};
+use btf_runtime::{PackedGoal, Resident, ResidentFile, ResidualKind, pack, serial};
 use btf_runtime_fuzz::any_asset;
 use std::path::Path;
 
@@ -21,8 +21,12 @@ fn main() -> std::io::Result<()> {
         std::fs::write(corpus.join("resident").join(&name), resident.pack().expect("it is small"))?;
     }
     for (seed, kind) in [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root].into_iter().enumerate() {
-        let packed = pack(&sample_grouped_asset(seed as u64, 12, 9, kind)).expect("it keeps to the format");
+        let asset = sample_grouped_asset(seed as u64, 12, 9, kind);
+        let packed = pack(&asset).expect("it keeps to the format");
         std::fs::write(corpus.join("parse").join(format!("grouped-{seed:02}")), packed)?;
+        let resident = Resident::packed_on(&asset, PackedGoal::Noise(0.01), &serial);
+        let packed = ResidentFile::with_words(asset, resident).pack().expect("it is small");
+        std::fs::write(corpus.join("resident").join(format!("packed-{seed:02}")), packed)?;
     }
     for seed in 0..12 {
         let volume = sample_volume(seed, 1 + seed as usize % 7, 1 + 3 * seed as usize);

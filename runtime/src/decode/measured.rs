@@ -2,7 +2,7 @@
 
 use crate::asset::asset::{Asset, LobeRole};
 use crate::asset::lobe_tables::lobe_sum_at_pairs;
-use crate::asset::residual::core_at_pair;
+use crate::asset::residual::{COLOUR_FRAME, core_at_pair};
 use crate::decode::options::DecodeOptions;
 use crate::decode::texel::Texel;
 use crate::numeric::quantize::{half_at, weight_from_byte};
@@ -41,6 +41,19 @@ pub fn decode_measured(
         return;
     }
     let share = if source.lobe_role == LobeRole::Guide { 0.0 } else { 1.0 };
+    if t.is_packed() {
+        let weights = t.packed_weights();
+        for (pair, out) in out.chunks_exact_mut(3).enumerate() {
+            let mut r = [0.0; 3];
+            t.unpack_row(t.packed_row(0, pair as u32), |basis, channel, value| {
+                (0..3).for_each(|c| r[c] += COLOUR_FRAME[channel][c] * weights[basis] * value);
+            });
+            let decoded = out.iter().zip(r).map(|(s, r)| source.residual_kind.combine(share * s, r, source.epsilon));
+            let decoded: Vec<f32> = decoded.collect();
+            out.copy_from_slice(&decoded);
+        }
+        return;
+    }
     let channel_words = t.field(block::CHANNEL_WORDS);
     let at = t.field(block::BASIS) + t.cluster * t.field(block::PAIRS) * 3 * channel_words;
     let rows = &t.words[at..at + out.len() * channel_words];

@@ -5,6 +5,7 @@ pub(crate) mod evaluate;
 pub(crate) mod lobe_queue;
 pub(crate) mod measured;
 pub(crate) mod options;
+pub(crate) mod packed_sum;
 pub(crate) mod parallax;
 pub(crate) mod relief;
 pub(crate) mod residual_sum;

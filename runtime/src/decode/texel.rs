@@ -4,8 +4,10 @@
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{RESIDENT_WORDS, ResidentLobe, weight_scale};
 use crate::decode::options::DecodeOptions;
+use crate::decode::packed_sum::packed_bits;
 use crate::numeric::quantize::{coefficient_from_byte, weight_from_byte};
 use crate::resident::layout::{ASSET_LAYERS, block};
+use crate::resident::packed_bases::{PACKED_PLACES, PackedBasis};
 use crate::resident::resident::Resident;
 
 /// The record of a texel, with the limits of the options applied.
@@ -119,6 +121,62 @@ impl<'a> Texel<'a> {
         let component = index - 1;
         let word = self.words[self.field(block::CODES) + self.texel * self.field(block::CODE_WORDS) + component / 4];
         coefficient_from_byte(word >> (8 * (component as u32 % 4)) & 0xff)
+    }
+
+    /// Returns whether the bases are packed.
+    pub(crate) fn is_packed(&self) -> bool {
+        self.bases > 0 && self.field(block::CHANNEL_WORDS) == 0
+    }
+
+    /// Returns the unit of packed bases, and the words of those in use in the texel's cluster.
+    pub(crate) fn packed_bases(&self) -> (f32, &'a [u32]) {
+        let at = self.field(block::BASIS);
+        let [stored, bases] = [1, 2].map(|word| self.words[at + word] as usize);
+        let first = at + bases + self.cluster * stored;
+        (f32::from_bits(self.words[at]), &self.words[first..first + self.bases])
+    }
+
+    /// Returns the first word of the packed row at the pair of `view` and `light`.
+    pub(crate) fn packed_row(&self, view: u32, light: u32) -> usize {
+        let at = self.field(block::BASIS);
+        let place = at + PACKED_PLACES + 2 * self.cluster;
+        let pair = view as usize * self.field(block::LIGHT_COUNT) + light as usize;
+        at + self.words[place] as usize + pair * self.words[place + 1] as usize
+    }
+
+    /// Returns the words from the texel's packed codes on.
+    pub(crate) fn packed_codes(&self) -> &'a [u32] {
+        &self.words[self.field(block::CODES) + self.texel * self.field(block::CODE_WORDS)..]
+    }
+
+    /// Returns the weights of the bases in use where they are packed: 1 for the mean, the code for a component.
+    pub(crate) fn packed_weights(&self) -> Vec<f32> {
+        let (codes, mut bit) = (self.packed_codes(), 0);
+        let (_, bases) = self.packed_bases();
+        let of_basis = bases.iter().enumerate().map(|(index, word)| {
+            let width = PackedBasis::from_word(*word).code_width;
+            bit += width;
+            match (index, width) {
+                (0, _) => 1.0,
+                (_, 0) => 0.0,
+                _ => packed_bits(codes, bit - width, width) as f32,
+            }
+        });
+        of_basis.collect()
+    }
+
+    /// Calls `take(basis, channel of the colour frame, value)` with the numbers of the packed row at word `row` that are
+    /// there; the others are 0.
+    pub(crate) fn unpack_row(&self, row: usize, mut take: impl FnMut(usize, usize, f32)) {
+        let (unit, bases) = self.packed_bases();
+        let mut bit = 0;
+        for (index, basis) in bases.iter().map(|word| PackedBasis::from_word(*word)).enumerate() {
+            for (channel, width) in basis.widths.into_iter().enumerate().filter(|(_, width)| *width > 0) {
+                let code = packed_bits(&self.words[row..], bit, width);
+                bit += width;
+                take(index, channel, basis.step.to_f32() * unit * code as f32);
+            }
+        }
     }
 
     /// Returns the first word of the bases at the pair of `view` and `light`, counted from the first word of all bases.

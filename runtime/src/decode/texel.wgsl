@@ -101,9 +101,19 @@ fn texel_basis_weight(t: Texel, index: u32) -> f32 {
 // Returns the residual at the pairs of `view` with those of three `lights` that are `wanted`, and 0 at the others.
 fn texel_residual(t: Texel, view: u32, lights: vec3<u32>, wanted: vec3<bool>) -> mat3x3<f32> {
     let channel_words = asset_word(t.layer + BLOCK_CHANNEL_WORDS);
+    var sum = mat3x3<f32>();
+    if channel_words == 0u {
+        // Packed bases; lights that are not wanted have the numbers of any light.
+        let packed = packed_sum(t, view, lights);
+        for (var l = 0u; l < 3u; l++) {
+            if wanted[l] {
+                sum[l] = packed[l];
+            }
+        }
+        return sum;
+    }
     let pair = t.cluster * asset_word(t.layer + BLOCK_PAIRS) + view * asset_word(t.layer + BLOCK_LIGHT_COUNT);
     let first = t.base + asset_word(t.layer + BLOCK_BASIS) + pair * 3u * channel_words;
-    var sum = mat3x3<f32>();
     for (var word = 0u; word < (t.bases + 1u) / 2u; word++) {
         let weights = vec2<f32>(texel_basis_weight(t, 2u * word), texel_basis_weight(t, 2u * word + 1u));
         for (var l = 0u; l < 3u; l++) {

@@ -12,6 +12,7 @@ use crate::asset::lobe::{LobeSetup, ResidentLobe};
 use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::{Neighbours, direction, locate, within_hull};
 use crate::decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
+use crate::decode::packed_sum::packed_sum;
 use crate::decode::parallax::SeenBy;
 use crate::decode::relief::{OwnLight, ReliefTerms, SeenRelief};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
@@ -23,6 +24,8 @@ use pulp::{Arch, Simd, WithSimd};
 
 /// Largest value that a tint multiplies, so that a finite value stays finite.
 const MAX_EDITED: f32 = 1e37;
+/// Number of packed rows that are summed together: three views times three lights, in whole vectors.
+const ROWS_TOGETHER: usize = 16;
 /// Number of rows that [`LightRows`] keeps. A measured light has one place: its number modulo this.
 pub const LIGHT_ROWS: usize = 32;
 
@@ -259,11 +262,47 @@ impl<'a> ViewedTexel<'a> {
     /// Sums the residual at the measured `lights` and the neighbouring views, RGB, with the shares of the lights and of
     /// the views.
     fn residual(&self, lights: [u32; 3], of_lights: [f32; 3], of_views: [f32; 3]) -> [f32; 3] {
+        if self.t.is_packed() && matches!(self.bases, Bases::Halves(_)) {
+            return self.packed_residual(lights, of_lights, of_views);
+        }
         let sum = Residual { viewed: self, lights, of_lights, of_views };
         match 3 * self.t.field(block::CHANNEL_WORDS) <= FEW_BLOCKS * LANES {
             true => Arch::new().dispatch(InBlocks::<'_, '_, FEW_BLOCKS>(sum)),
             false => Arch::new().dispatch(InBlocks::<'_, '_, MAX_BLOCKS>(sum)),
         }
+    }
+
+    /// Sums like [`ViewedTexel::residual`] from packed bases.
+    fn packed_residual(&self, lights: [u32; 3], of_lights: [f32; 3], of_views: [f32; 3]) -> [f32; 3] {
+        let row = |v: usize, l: usize| self.shown_by(v).packed_row(self.views[v], lights[l]);
+        if self.shifted.is_none() {
+            let mut shares = [0.0; ROWS_TOGETHER];
+            let mut rows = [row(0, 0); ROWS_TOGETHER];
+            let mut count = 0;
+            for (v, l) in (0..3).flat_map(|v| (0..3).map(move |l| (v, l))) {
+                let share = of_views[v] * of_lights[l];
+                if share > 0.0 {
+                    (shares[count], rows[count]) = (share, row(v, l));
+                    count += 1;
+                }
+            }
+            return match count {
+                0 => [0.0; 3],
+                1..=4 => {
+                    let few = |i: usize| (shares[i], rows[i]);
+                    let few = [few(0), few(1), few(2), few(3)];
+                    packed_sum(&self.t, few.map(|(share, _)| share), few.map(|(_, row)| row))
+                }
+                _ => packed_sum(&self.t, shares, rows),
+            };
+        }
+        let mut sum = [0.0; 3];
+        for v in (0..3).filter(|v| of_views[*v] > 0.0) {
+            let shares = [0, 1, 2].map(|l| of_views[v] * of_lights[l]);
+            let of_view = packed_sum(self.shown_by(v), shares, [0, 1, 2].map(|l| row(v, l)));
+            (0..3).for_each(|c| sum[c] += of_view[c]);
+        }
+        sum
     }
 
     /// Returns reflectance times cosine times pi, linear RGB, at least 0, for the light at `wi`, a unit vector in the
@@ -331,6 +370,10 @@ impl<'a> ViewedTexel<'a> {
         let Some(light) = &lit.place else { return };
         for (view, _) in self.views.iter().zip(self.weights).filter(|(_, weight)| *weight > 0.0) {
             for (light, _) in light.ids.iter().zip(light.weights).filter(|(_, weight)| *weight > 0.0) {
+                if self.t.is_packed() {
+                    take(self.t.packed_row(*view, *light));
+                    continue;
+                }
                 let first = self.t.field(block::BASIS) + self.t.bases_at(*view, *light);
                 take(first);
                 take(first + 3 * self.t.field(block::CHANNEL_WORDS) - 1);

@@ -35,6 +35,11 @@ impl ResidentFile {
     /// Expands an asset, with its levels and edits, on `threads`, like [`Resident::from_asset_on`].
     pub fn of_asset(asset: Asset, threads: Threads) -> ResidentFile {
         let resident = Resident::from_asset_on(&asset, threads);
+        ResidentFile::with_words(asset, resident)
+    }
+
+    /// Returns the file of an asset whose resident form is `resident`.
+    pub fn with_words(asset: Asset, resident: Resident) -> ResidentFile {
         ResidentFile { resident, size_mm: asset.size_mm, seamless: asset.seamless, material: asset.material }
     }
 
@@ -70,7 +75,7 @@ impl ResidentFile {
             let (kind, index, bytes) = (SectionKind::Words, index as u32, piece.to_vec());
             sections.push(SectionSource { kind, layer: 0, index, bytes, ends_tier: false });
         }
-        let is_new = |layer| resident.lobe_role(layer) == LobeRole::Base as u32;
+        let is_new = |layer| resident.lobe_role(layer) == LobeRole::Base as u32 || resident.is_packed(layer);
         let head = Head {
             version: if (0..resident.layers()).any(is_new) { 2 } else { 1 },
             form: Form::Resident,

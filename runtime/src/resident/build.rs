@@ -9,6 +9,7 @@ use crate::resident::expansion::Expansion;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block, level_size,
 };
+use crate::resident::packed_bases::{PackedGoal, PackedLayer, packed_bases};
 use crate::resident::relief_records::relief_records;
 use crate::resident::resident::Resident;
 use crate::threads::{Threads, fill, serial};
@@ -32,48 +33,38 @@ impl Resident {
         resident
     }
 
+    /// Lays out an asset like [`Resident::from_asset_on`], with bases in as few bits as `goal` allows: a renderer then holds
+    /// and reads a tenth of the bytes. Where the goal cannot be met, the bases take the least bytes.
+    ///
+    /// Cost: twice that of [`Resident::from_asset_on`], and a search for the step.
+    pub fn packed_on(asset: &Asset, goal: PackedGoal, threads: Threads) -> Resident {
+        let goal = match goal {
+            PackedGoal::Bytes(most) => PackedGoal::Bytes(most.saturating_sub(bytes_beside_bases(asset))),
+            PackedGoal::Noise(_) => goal,
+        };
+        let packed = packed_bases(asset, goal, threads);
+        let mut words = words_without_bases(asset, &packed);
+        let layers = asset.layers.len();
+        for (number, packed) in packed.iter().enumerate() {
+            let Some(packed) = packed else { continue };
+            let here = words.len() as u32;
+            for level in 0..words[4] as usize {
+                let at = words[ASSET_LAYERS + level * layers + number] as usize;
+                words[at + block::BASIS] = here;
+                words[at + block::CHANNEL_WORDS] = 0;
+            }
+            words.extend(&packed.words);
+            begin_part(&mut words);
+        }
+        words[3] = words.len() as u32;
+        with_edits(words, asset)
+    }
+
     /// Lays out an asset with zeros in place of the bases ([`Resident::bases_of`]), for callers who expand them
     /// elsewhere. The zeros are never written, so that a system that commits memory page by page commits none for them.
     /// Cost: a pass over the other words.
     pub fn without_bases(asset: &Asset) -> Resident {
-        let mut words = vec![0u32; ASSET_WORDS];
-        words[0] = asset.width as u32;
-        words[1] = asset.height as u32;
-        words[2] = asset.layers.len() as u32;
-        words[4] = 1 + asset.levels.len() as u32;
-        for (number, layer) in asset.layers.iter().enumerate() {
-            let block = words.len();
-            words[ASSET_LAYERS + number] = block as u32;
-            push_layer(&mut words, layer);
-            push_texels(&mut words, block, layer, &Texels::of_layer(asset, layer));
-        }
-        for (level, texels) in asset.levels.iter().enumerate() {
-            for (number, of_layer) in texels.layers.iter().enumerate() {
-                let (finest, block) = (words[ASSET_LAYERS + number] as usize, words.len());
-                words[ASSET_LAYERS + (level + 1) * asset.layers.len() + number] = block as u32;
-                words.extend_from_within(finest..finest + LAYER_BLOCK_WORDS);
-                begin_part(&mut words);
-                push_texels(
-                    &mut words,
-                    block,
-                    &asset.layers[number],
-                    &Texels {
-                        size: [texels.width, texels.height],
-                        has_residual: asset.layers[number].residual.is_some(),
-                        heights: of_layer.heights.as_ref(),
-                        clusters: &of_layer.clusters,
-                        lobe_counts: &of_layer.lobe_counts,
-                        lobe_refs: &of_layer.lobe_refs,
-                        codes: of_layer.codes.iter().map(Vec::as_slice).collect(),
-                    },
-                );
-            }
-        }
-        let mut resident = Resident::from_own_words(with_room_for_bases(words, asset));
-        if !asset.edits.list.is_empty() {
-            resident.set_edits(&asset.edits, &asset.layers);
-        }
-        resident
+        with_edits(with_room_for_bases(words_without_bases(asset, &[]), asset), asset)
     }
 
     /// Expands the bases of `asset`, of which this must be made, on `threads`.
@@ -128,6 +119,68 @@ impl Resident {
         }
         words[3] = words.len() as u32;
     }
+}
+
+/// Adds the edits of `asset` to its words.
+fn with_edits(words: Vec<u32>, asset: &Asset) -> Resident {
+    let mut resident = Resident::from_own_words(words);
+    if !asset.edits.list.is_empty() {
+        resident.set_edits(&asset.edits, &asset.layers);
+    }
+    resident
+}
+
+/// Returns the bytes of the resident form of `asset` but for bases and codes, at most one part too many for each level.
+fn bytes_beside_bases(asset: &Asset) -> u64 {
+    let words = with_edits(words_without_bases(asset, &[]), asset).words().len();
+    let components = asset.layers.iter().map(|layer| layer.coefficient_planes().len().div_ceil(4));
+    let codes = components.sum::<usize>() * asset.texel_count();
+    let codes_of_levels = asset.levels.iter().map(|level| {
+        let texels = level.width * level.height;
+        level.layers.iter().map(|layer| texels * layer.codes.len().div_ceil(4)).sum::<usize>()
+    });
+    let parts = PART_WORDS * asset.layers.len() * (2 + asset.levels.len());
+    4 * (words + parts - codes - codes_of_levels.sum::<usize>()) as u64
+}
+
+/// Returns the words of an asset but for its bases and edits; the codes are those of `packed` layers, where there are any.
+fn words_without_bases(asset: &Asset, packed: &[Option<PackedLayer>]) -> Vec<u32> {
+    let packed = |number: usize| packed.get(number).and_then(Option::as_ref);
+    let mut words = vec![0u32; ASSET_WORDS];
+    words[0] = asset.width as u32;
+    words[1] = asset.height as u32;
+    words[2] = asset.layers.len() as u32;
+    words[4] = 1 + asset.levels.len() as u32;
+    for (number, layer) in asset.layers.iter().enumerate() {
+        let block = words.len();
+        words[ASSET_LAYERS + number] = block as u32;
+        push_layer(&mut words, layer);
+        push_texels(&mut words, block, layer, &Texels::of_layer(asset, layer), packed(number));
+    }
+    for (level, texels) in asset.levels.iter().enumerate() {
+        for (number, of_layer) in texels.layers.iter().enumerate() {
+            let (finest, block) = (words[ASSET_LAYERS + number] as usize, words.len());
+            words[ASSET_LAYERS + (level + 1) * asset.layers.len() + number] = block as u32;
+            words.extend_from_within(finest..finest + LAYER_BLOCK_WORDS);
+            begin_part(&mut words);
+            push_texels(
+                &mut words,
+                block,
+                &asset.layers[number],
+                &Texels {
+                    size: [texels.width, texels.height],
+                    has_residual: asset.layers[number].residual.is_some(),
+                    heights: of_layer.heights.as_ref(),
+                    clusters: &of_layer.clusters,
+                    lobe_counts: &of_layer.lobe_counts,
+                    lobe_refs: &of_layer.lobe_refs,
+                    codes: of_layer.codes.iter().map(Vec::as_slice).collect(),
+                },
+                packed(number),
+            );
+        }
+    }
+    words
 }
 
 /// Pads the words with zeros to where a part may begin.
@@ -192,7 +245,7 @@ impl<'a> Texels<'a> {
 }
 
 /// Appends the texels of a level of `layer`. `base` is the level's layer block, which has all else.
-fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, texels: &Texels) {
+fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, texels: &Texels, packed: Option<&PackedLayer>) {
     let set = |words: &mut Vec<u32>, field: usize, value: u32| words[base + field] = value;
     set(words, block::WIDTH, texels.size[0] as u32);
     set(words, block::ROWS, texels.size[1] as u32);
@@ -230,15 +283,23 @@ fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, texels: &Texels
         return;
     }
 
-    let code_words = texels.codes.len().div_ceil(4);
     let here = words.len();
     set(words, block::CODES, here as u32);
-    set(words, block::CODE_WORDS, code_words as u32);
-    words.resize(here + code_words * texels.clusters.len(), 0);
-    for (word, planes) in texels.codes.chunks(4).enumerate() {
-        for (slot, codes) in planes.iter().enumerate() {
-            let column = words[here + word..].iter_mut().step_by(code_words);
-            column.zip(*codes).for_each(|(word, code)| *word |= u32::from(*code as u8) << (8 * slot));
+    match packed {
+        Some(packed) => {
+            set(words, block::CODE_WORDS, packed.code_words as u32);
+            words.extend(packed.packed_codes(texels.clusters, &texels.codes));
+        }
+        None => {
+            let code_words = texels.codes.len().div_ceil(4);
+            set(words, block::CODE_WORDS, code_words as u32);
+            words.resize(here + code_words * texels.clusters.len(), 0);
+            for (word, planes) in texels.codes.chunks(4).enumerate() {
+                for (slot, codes) in planes.iter().enumerate() {
+                    let column = words[here + word..].iter_mut().step_by(code_words);
+                    column.zip(*codes).for_each(|(word, code)| *word |= u32::from(*code as u8) << (8 * slot));
+                }
+            }
         }
     }
     begin_part(words);

@@ -14,6 +14,7 @@ use crate::asset::sphere::Sphere;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };
+use crate::resident::packed_bases::{MAX_UNIT, PACKED_PLACES, PackedBasis, code_words as code_words_of, row_words};
 use crate::rule::{self, Rule};
 use crate::threads::{Threads, map};
 
@@ -170,6 +171,9 @@ impl<'a> Block<'a> {
             // Nothing lies there, and decoders begin to look there all the same.
             return self.part(block::BASIS, 0).and(self.part(block::CODES, 0)).map(|_| ());
         }
+        if channel_words == 0 {
+            return self.packed(texels, rows / (3 * self.field(block::CLUSTERS)));
+        }
         if channel_words < bases.div_ceil(2) || channel_words > MAX_COMPONENTS.div_ceil(2) + 1 {
             return Err(rule::CHANNEL_WORDS);
         }
@@ -179,7 +183,7 @@ impl<'a> Block<'a> {
         self.part(block::CODES, texels * codes)?;
         let basis = self.part(block::BASIS, rows * channel_words)?;
         // Levels share what the finest has.
-        if self.words[ASSET_LAYERS..ASSET_LAYERS + self.words[2] as usize].contains(&(self.at as u32)) {
+        if self.is_finest() {
             let pieces: Vec<&[u32]> = basis.chunks(HALVES_AT_ONCE).collect();
             if map(threads, pieces.len(), |i| halves_are_finite(pieces[i])).contains(&false) {
                 return Err(rule::BASIS_NOT_FINITE);
@@ -188,6 +192,50 @@ impl<'a> Block<'a> {
             return Err(rule::OTHER_BASES);
         }
         Ok(())
+    }
+
+    /// Checks packed bases of `pairs` pairs, and that the codes lie within the words.
+    fn packed(&self, texels: usize, pairs: usize) -> Checked {
+        let [bases, clusters, code_words] =
+            [block::BASES, block::CLUSTERS, block::CODE_WORDS].map(|field| self.field(field));
+        if code_words > MAX_COMPONENTS.div_ceil(4) {
+            return Err(rule::CODE_WORDS);
+        }
+        self.part(block::CODES, texels * code_words)?;
+        let shared = [block::BASIS, block::CHANNEL_WORDS, block::CLUSTERS, block::PAIRS, block::CODE_WORDS];
+        let at = self.field(block::BASIS);
+        let head = self.part(block::BASIS, PACKED_PLACES + 2 * clusters)?;
+        let (unit, stored) = (float(head[0]), head[1] as usize);
+        if !self.is_finest() {
+            let is_shared = bases <= stored && self.is_of_the_finest(&shared);
+            return if is_shared { Ok(()) } else { Err(rule::OTHER_BASES) };
+        }
+        let first_basis = PACKED_PLACES + 2 * clusters;
+        if stored != bases || head[2] as usize != first_basis || head[3] != 0 {
+            return Err(rule::PACKED_ROWS);
+        }
+        let words = self.part(block::BASIS, first_basis + clusters * stored)?;
+        for (cluster, words) in words[first_basis..].chunks_exact(stored).enumerate() {
+            let own: Vec<PackedBasis> = words.iter().map(|word| PackedBasis::from_word(*word)).collect();
+            let steps_are_good = unit > 0.0 && unit <= MAX_UNIT && own.iter().all(|basis| basis.has_good_step(unit));
+            if !steps_are_good || own[0].code_width != 0 || own.iter().skip(1).any(|basis| !basis.has_good_widths()) {
+                return Err(rule::PACKED_BASIS);
+            }
+            if code_words_of(&own) > code_words {
+                return Err(rule::CODE_WORDS);
+            }
+            let [first, length] = [0, 1].map(|word| head[PACKED_PLACES + 2 * cluster + word] as usize);
+            let rows = || part(self.words, first.checked_add(at)?, pairs.checked_mul(length)?);
+            if length != row_words(&own) || rows().is_none() {
+                return Err(rule::PACKED_ROWS);
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns whether this is a layer of the finest level.
+    fn is_finest(&self) -> bool {
+        self.words[ASSET_LAYERS..ASSET_LAYERS + self.words[2] as usize].contains(&(self.at as u32))
     }
 
     /// Returns whether some layer of the finest level has the same values in all these fields.

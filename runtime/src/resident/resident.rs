@@ -135,6 +135,11 @@ impl Resident {
         words[words[ASSET_LAYERS + layer as usize] as usize + field]
     }
 
+    /// Returns whether the bases of `layer` are packed ([`Resident::packed_on`]).
+    pub fn is_packed(&self, layer: u32) -> bool {
+        self.field(layer, block::BASES) > 0 && self.field(layer, block::CHANNEL_WORDS) == 0
+    }
+
     /// Returns the number of the lobes' role in `layer`, see [`crate::LobeRole`].
     pub(crate) fn lobe_role(&self, layer: u32) -> u32 {
         self.field(layer, block::LOBE_ROLE)

@@ -1,7 +1,12 @@
 //! Bases expanded in single precision beside the resident form, for measuring the error of its half precision.
 
 use crate::asset::asset::Asset;
+use crate::asset::residual::COLOUR_FRAME;
+use crate::decode::options::DecodeOptions;
+use crate::decode::texel::Texel;
 use crate::resident::expansion::Expansion;
+use crate::resident::layout::block;
+use crate::resident::resident::Resident;
 use crate::threads::{Threads, fill};
 
 /// The expanded bases of every layer in single precision, `[cluster, pair, channel, basis]`, bases padded to an even
@@ -24,6 +29,30 @@ impl SingleBases {
                 expansion.rows(cluster, |view, rows| {
                     values[view * rows.len()..(view + 1) * rows.len()].copy_from_slice(rows);
                 });
+            });
+            values
+        });
+        SingleBases { layers: layers.collect() }
+    }
+
+    /// Returns the packed bases of `resident` ([`Resident::packed_on`]) as single numbers, in the same order; empty for
+    /// layers whose bases are not packed.
+    pub fn of_packed(resident: &Resident, threads: Threads) -> SingleBases {
+        let layers = (0..resident.layers()).map(|layer| {
+            let t = Texel::new(resident, layer, 0, &DecodeOptions::default());
+            if !t.is_packed() {
+                return Vec::new();
+            }
+            let padded = t.bases.next_multiple_of(2);
+            let [clusters, pairs] = [t.field(block::CLUSTERS), t.field(block::PAIRS)];
+            let mut values = vec![0.0f32; clusters * pairs * 3 * padded];
+            fill(threads, &mut values, pairs * 3 * padded, |cluster, values| {
+                let t = Texel { cluster, ..t };
+                for (pair, rgb) in values.chunks_exact_mut(3 * padded).enumerate() {
+                    t.unpack_row(t.packed_row(0, pair as u32), |basis, channel, value| {
+                        (0..3).for_each(|c| rgb[c * padded + basis] += COLOUR_FRAME[channel][c] * value);
+                    });
+                }
             });
             values
         });

@@ -7,8 +7,8 @@ use super::second_reader::{
 use super::{document_bytes, named};
 use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_predicted_asset, sample_relief_asset};
 use btf_runtime::{
-    Asset, DecodeOptions, Interpolation, Layer, LobeRole, Relief, Resident, ResidualKind, SurfaceSide, decode, pack,
-    read_directory, serial, with_levels,
+    Asset, DecodeOptions, Interpolation, Layer, LobeRole, PackedGoal, Relief, Resident, ResidentFile, ResidualKind,
+    SurfaceSide, decode, pack, read_directory, serial, with_levels,
 };
 
 /// A value to decode: a layer, a level, a texel, light and eye, a rule.
@@ -127,6 +127,15 @@ fn the_resident_form_decodes_to_the_values_of_a_decoder_written_from_the_documen
             wider += usize::from(spread.iter().any(|x| *x > 1e-6));
             count += 1;
         }
+
+        // The same with packed bases; planted difference: the bases that were packed.
+        let packed = Resident::packed_on(asset, PackedGoal::Noise(0.01), &serial);
+        let of_packed: Vec<[f32; 3]> = queries.iter().map(|query| query.value(&packed)).collect();
+        let bytes = ResidentFile::with_words(asset.clone(), packed).pack().unwrap();
+        let read_packed = read_by_the_document(&format!("decoded-packed-{number}"), &bytes, &[], &lines);
+        assert_eq!(first_other_value(&read_packed, &of_packed, 2e-6), None, "packed asset {number}: {lines}");
+        let differs = first_other_value(&read_packed, &values, 2e-6).is_some();
+        assert_eq!(differs, asset.layers.iter().any(|layer| layer.residual.is_some()), "packed asset {number}");
 
         // Planted differences: one weight, one code, one edit, the other rule.
         let differs = |change: &dyn Fn(&mut Asset)| {

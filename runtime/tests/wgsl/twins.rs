@@ -28,7 +28,7 @@ fn of_alone(table: &[Alone]) -> Constants {
 }
 
 /// Returns the constants of the decoder's library.
-fn decoder() -> [Constants; 2] {
+fn decoder() -> [Constants; 3] {
     let words = of_words(&[
         ("SPHERE_HEADER_WORDS", SPHERE_HEADER_WORDS),
         ("DIRECTION_WORDS", DIRECTION_WORDS),
@@ -57,6 +57,7 @@ fn decoder() -> [Constants; 2] {
         ("BLOCK_REFS", block::REFS),
         ("BLOCK_DICTIONARIES", block::DICTIONARIES),
         ("BLOCK_BASIS", block::BASIS),
+        ("PACKED_PLACES", PACKED_PLACES),
         ("BLOCK_CODES", block::CODES),
         ("BLOCK_CODE_WORDS", block::CODE_WORDS),
         ("BLOCK_LIGHT_COUNT", block::LIGHT_COUNT),
@@ -112,7 +113,9 @@ fn decoder() -> [Constants; 2] {
         ("UNIT_MIN", *UNIT_RANGE.start()),
         ("UNIT_MAX", *UNIT_RANGE.end()),
     ]);
-    [words, floats]
+    let frame = [("FRAME_GREY", 0), ("FRAME_RED_BLUE", 1), ("FRAME_GREEN_MAGENTA", 2)];
+    let frame = frame.map(|(name, row)| (name.to_string(), COLOUR_FRAME[row].map(f64::from).to_vec()));
+    [words, floats, Constants::from(frame)]
 }
 
 /// Returns the constants of leaves.

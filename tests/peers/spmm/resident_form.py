@@ -9,6 +9,7 @@ from spmm.decoding import BASE, ROOT, WINDOWED_COSINE, Edit, Layer, Lobe, Relief
 from spmm.decoding import within_relief_ranges
 from spmm.directions import cells_a_side, must_be_counts, must_be_directions, single
 from spmm.entropy_coder import must
+from spmm.file_form import FRAME
 
 WORDS_A_SECTION = 2**25
 
@@ -83,7 +84,11 @@ def read_layer(words, at, size):
     lights, views = (read_directions(words, place) for place in block[6:8])
     pairs = len(lights.directions) * len(views.directions)
     must(block[14:16] == (len(lights.directions), pairs), "lights or pairs are not those of the directions")
-    must((bases + 1) // 2 <= stride <= 65, "the words a pair and channel are out of their range")
+    packed = None
+    if bases > 0 and stride == 0:
+        packed = PackedBases(words, block[11], clusters, pairs, block[13], bases)
+    else:
+        must((bases + 1) // 2 <= stride <= 65, "the words a pair and channel are out of their range")
 
     width, height = size
     texels = width * height
@@ -114,11 +119,14 @@ def read_layer(words, at, size):
         height_codes = list(words.values("b", words.part(block[18], -(-texels // 4)), -(-texels // 4))[:texels])
     components = max(0, bases - 1)
     codes, residual = [], None
-    if components > 0:
+    if packed is not None:
+        codes = packed.codes(words.values("I", words.part(block[12], texels * block[13]), texels * block[13]), ids)
+        residual = packed.residual_of(len(lights.directions), ids, codes)
+    elif components > 0:
         must(4 * block[13] >= components, "the words a texel are too few")
-        packed = words.values("b", words.part(block[12], texels * block[13]), texels * block[13])
-        codes = [list(packed[j :: 4 * block[13]]) for j in range(components)]
-    if bases > 0:
+        bytes_of_texels = words.values("b", words.part(block[12], texels * block[13]), texels * block[13])
+        codes = [list(bytes_of_texels[j :: 4 * block[13]]) for j in range(components)]
+    if bases > 0 and packed is None:
         count = clusters * pairs * 3 * stride
         must(finite_halves(words.values("H", words.part(block[11], count), count)), "a basis is not finite")
         residual = residual_of(words.data, block[11], stride, len(lights.directions), pairs, ids, codes)
@@ -151,6 +159,75 @@ def read_layer(words, at, size):
         residual=residual,
         relief=relief,
     )
+
+
+class PackedBases:
+    """The chapter "Packed bases": the bases of a level's clusters, and the widths of its texels' codes."""
+
+    def __init__(self, words, at, clusters, pairs, code_words, bases):
+        self.words, self.at, self.bases, self.code_words = words, words.part(at, 4), bases, code_words
+        (self.unit,), (_, stored, first, zero) = words.floats(at, 1), words[at : at + 4]
+        must(0 < self.unit <= 1e9, "the unit of packed bases is out of its range")
+        must(first == 4 + 2 * clusters and zero == 0 and bases <= stored, "packed bases are not where they may be")
+        must(code_words <= 32, "the words a texel are too many")
+        places = words[at + 4 : at + first]
+        self.places = list(zip(places[::2], places[1::2]))
+        self.steps, self.widths, self.code_widths = [], [], []
+        for k, (rows, length) in enumerate(self.places):
+            packed = words[at + first + k * stored : at + first + (k + 1) * stored]
+            steps = struct.unpack(f"<{stored}e", b"".join((x & 0xFFFF).to_bytes(2, "little") for x in packed))
+            widths = [[x >> shift & 15 for shift in (16, 20, 24)] for x in packed]
+            code_widths = [x >> 28 for x in packed]
+            must(all(x & 0x8000 == 0 and x & 0x7C00 != 0x7C00 for x in packed), "a packed step is out of its range")
+            largest = max(self.unit * step * 2 ** (max(own) - 1) for step, own in zip(steps, widths))
+            must(largest <= 1e6, "a packed number is too large")
+            must(code_widths[0] == 0 and max(code_widths) <= 8, "a code's width is out of its range")
+            empty = all(code > 0 or not any(own) for code, own in zip(code_widths[1:], widths[1:]))
+            must(empty, "a component without codes has numbers")
+            must(length == -(-sum(map(sum, widths)) // 32), "a packed row has not the words of its numbers")
+            must(-(-sum(code_widths) // 32) <= code_words, "the words a texel are too few")
+            words.within(at + rows, pairs * length)
+            self.steps.append(steps)
+            self.widths.append(widths)
+            self.code_widths.append(code_widths)
+
+    def codes(self, words, ids):
+        """The codes of the components at hand, those of all texels for each."""
+        planes = [[] for _ in range(self.bases - 1)]
+        for texel, cluster in enumerate(ids):
+            bits = Bits(words[texel * self.code_words : (texel + 1) * self.code_words])
+            for plane, width in zip(planes, self.code_widths[cluster][1:]):
+                plane.append(bits.take(width))
+        return planes
+
+    def residual_of(self, lights, ids, codes):
+        """The function of texel, view and light."""
+
+        def at(texel, view, light):
+            cluster = ids[texel]
+            rows, length = self.places[cluster]
+            first = self.at + rows + (view * lights + light) * length
+            bits = Bits(self.words[first : first + length])
+            sums = [0.0] * 3
+            weights = [1] + [plane[texel] for plane in codes]
+            for weight, step, widths in zip(weights, self.steps[cluster], self.widths[cluster]):
+                for channel, width in enumerate(widths):
+                    sums[channel] += weight * step * self.unit * bits.take(width)
+            return [sum(x * frame[c] for x, frame in zip(sums, FRAME)) for c in range(3)]
+
+        return at
+
+
+class Bits:
+    """Numbers in two's complement, from the lowest bit of the first word on."""
+
+    def __init__(self, words):
+        self.bits = sum(word << 32 * i for i, word in enumerate(words))
+
+    def take(self, width):
+        value = self.bits & ((1 << width) - 1)
+        self.bits >>= width
+        return value - (1 << width) if width > 0 and value >> (width - 1) else value
 
 
 def residual_of(data, bases, stride, lights, pairs, clusters, codes):

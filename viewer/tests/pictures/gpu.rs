@@ -4,8 +4,8 @@
 use crate::support::{ABSOLUTE, RELATIVE, count_differences, gpu};
 use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_relief_asset};
 use btf_runtime::{
-    Asset, DecodeOptions, Edit, Edits, HeightUse, Heights, Interpolation, LobeRole, Resident, ResidualKind, decode,
-    pack, serial, with_levels,
+    Asset, DecodeOptions, Edit, Edits, HeightUse, Heights, Interpolation, LobeRole, PackedGoal, Resident, ResidualKind,
+    decode, pack, serial, with_levels,
 };
 use btf_viewer::testing::{DecodeQuery, gpu_decode};
 use btf_viewer::{
@@ -58,14 +58,16 @@ fn queries(resident: &Resident, seed: u64, count: usize) -> Vec<DecodeQuery> {
 fn gpu_decodes_100_000_samples_like_the_cpu() {
     let Some(gpu) = gpu("gpu_decodes_100_000_samples_like_the_cpu") else { return };
     const SAMPLES: usize = 100_000;
-    for (seed, kind, role, with_heights) in [
-        (1, ResidualKind::Additive, LobeRole::Base, false),
-        (2, ResidualKind::Log, LobeRole::Base, false),
-        (3, ResidualKind::Root, LobeRole::Base, false),
-        (4, ResidualKind::Additive, LobeRole::Guide, false),
-        (5, ResidualKind::Root, LobeRole::Guide, false),
-        (5, ResidualKind::Root, LobeRole::Guide, true),
-        (2, ResidualKind::Log, LobeRole::Base, true),
+    for (seed, kind, role, with_heights, packed) in [
+        (1, ResidualKind::Additive, LobeRole::Base, false, false),
+        (2, ResidualKind::Log, LobeRole::Base, false, false),
+        (3, ResidualKind::Root, LobeRole::Base, false, false),
+        (4, ResidualKind::Additive, LobeRole::Guide, false, false),
+        (5, ResidualKind::Root, LobeRole::Guide, false, false),
+        (5, ResidualKind::Root, LobeRole::Guide, true, false),
+        (2, ResidualKind::Log, LobeRole::Base, true, false),
+        (3, ResidualKind::Root, LobeRole::Base, false, true),
+        (4, ResidualKind::Additive, LobeRole::Guide, true, true),
     ] {
         // A ray that grazes an edge of rough heights may hit it on one machine and miss it on another.
         let allowed = if with_heights { SAMPLES / 100 } else { 0 };
@@ -77,7 +79,11 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
             let edit = Edit { tint: [0.9, 0.4, 1.5], roughness: 1.5, tilt: [0.1, 0.2], ..Edit::default() };
             let texels = (0..asset.texel_count()).map(|texel| u8::from(texel % 4 == 1)).collect();
             asset.edits = Edits { list: vec![edit], texels };
-            Resident::from_asset(&with_levels(&asset, &serial))
+            let asset = with_levels(&asset, &serial);
+            match packed {
+                true => Resident::packed_on(&asset, PackedGoal::Noise(0.01), &serial),
+                false => Resident::from_asset(&asset),
+            }
         };
         let resident = in_role(role);
         let other_role = in_role(if role == LobeRole::Base { LobeRole::Guide } else { LobeRole::Base });
