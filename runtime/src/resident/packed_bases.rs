@@ -28,6 +28,8 @@ pub(crate) const MAX_UNIT: f32 = 1e9;
 pub(crate) const WORD_BITS: u32 = u32::BITS;
 /// Number of pairs by which widths are chosen.
 const SAMPLES: usize = 1000;
+/// Number of largest values between those pairs that count as well: a highlight that few pairs see must not be cut unseen.
+const TAIL: usize = 16;
 /// Squared error, in squared steps, that one more bit of a number must take away: the slope of `step^2 / 12` over bits.
 const BIT_PRICE: f64 = std::f64::consts::LN_2 / 6.0;
 /// Largest step, in units.
@@ -140,6 +142,8 @@ struct SampledCluster {
     values: Vec<f32>,
     /// Number of these pairs.
     samples: usize,
+    /// The largest sizes at the other pairs, `[basis][channel][TAIL]`.
+    tails: Vec<f32>,
 }
 
 impl SampledCluster {
@@ -148,15 +152,20 @@ impl SampledCluster {
     fn choose(&self, noise: f64, unit: f32) -> (Vec<PackedBasis>, f64) {
         let mut error = 0.0;
         let known = self.energies.iter().zip(&self.peaks).zip(&self.code_widths);
-        let of_basis = known.zip(self.values.chunks_exact(3 * self.samples)).map(|(((energy, peak), bits), values)| {
+        let numbers = self.values.chunks_exact(3 * self.samples).zip(self.tails.chunks_exact(3 * TAIL));
+        let share = (self.pairs.saturating_sub(TAIL) as f64 / self.samples as f64).max(1.0);
+        let of_basis = known.zip(numbers).map(|(((energy, peak), bits), (values, tails))| {
             let step = (noise / energy.max(1e-30).sqrt()).max(f64::from(*peak) / f64::from(limit(MAX_WIDTH)));
             let step = f16::from_f64((step / f64::from(unit)).min(MAX_STEP));
             let exact = f64::from(step.to_f32() * unit);
             let mut widths = [0; 3];
-            for (width, values) in widths.iter_mut().zip(values.chunks_exact(self.samples)) {
-                let of_values = if *energy > 0.0 && exact > 0.0 { chosen_width(values, exact) } else { (0, 0.0) };
-                *width = of_values.0;
-                error += energy * of_values.1 * self.pairs as f64 / self.samples as f64;
+            let channels = values.chunks_exact(self.samples).zip(tails.chunks_exact(TAIL));
+            for (width, (values, tail)) in widths.iter_mut().zip(channels) {
+                if *energy > 0.0 && exact > 0.0 {
+                    let left;
+                    (*width, left) = chosen_width(values, share, tail, exact);
+                    error += energy * left;
+                }
             }
             match widths {
                 [0, 0, 0] => PackedBasis { step: f16::ZERO, widths, code_width: 0 },
@@ -168,22 +177,24 @@ impl SampledCluster {
     }
 }
 
-/// Returns the width that costs least for these values, with a bit at [`BIT_PRICE`] squared steps a number, and the squared
-/// error that is left.
-fn chosen_width(values: &[f32], step: f64) -> (u32, f64) {
+/// Returns the width that costs least, with a bit at [`BIT_PRICE`] squared steps a number, and the squared error that is
+/// left. Each of `values` stands for `share` numbers, each of `tail` for itself.
+fn chosen_width(values: &[f32], share: f64, tail: &[f32], step: f64) -> (u32, f64) {
     // By the bits that a code needs: number, sum and sum of squares of the values in steps, and rounding error.
     let mut classes = [[0.0f64; 4]; MAX_WIDTH as usize + 1];
     let inverse = (1.0 / step) as f32;
-    for value in values {
+    let weighted = values.iter().map(|value| (share, value)).chain(tail.iter().map(|value| (1.0, value)));
+    for (weight, value) in weighted {
         let size = (value * inverse).abs();
         let code = (size + 0.5) as u32;
         let width = if code == 0 { 0 } else { (code.ilog2() + 2).min(MAX_WIDTH) };
         let off = size - code as f32;
         let class = &mut classes[width as usize];
         for (sum, x) in class.iter_mut().zip([1.0, size, size * size, off * off]) {
-            *sum += f64::from(x);
+            *sum += weight * f64::from(x);
         }
     }
+    let numbers = share * values.len() as f64 + tail.len() as f64;
     let mut best = (f64::MAX, 0, 0.0);
     for width in (0..=MAX_WIDTH).filter(|width| *width != 1) {
         let limit = f64::from(limit(width));
@@ -193,7 +204,7 @@ fn chosen_width(values: &[f32], step: f64) -> (u32, f64) {
             // What is cut is told by the class's sums.
             error += if is_exact { *off } else { square - 2.0 * limit * sum + count * limit * limit };
         }
-        let cost = error + BIT_PRICE * f64::from(width) * values.len() as f64;
+        let cost = error + BIT_PRICE * f64::from(width) * numbers;
         if cost < best.0 {
             best = (cost, width, error);
         }
@@ -268,11 +279,17 @@ fn sampled_clusters(asset: &Asset, number: usize, threads: Threads) -> Vec<Sampl
         let code_widths = code_widths[cluster * bases..(cluster + 1) * bases].to_vec();
         let mut values = vec![0.0f32; bases * 3 * samples];
         let mut peaks = vec![0.0f32; bases];
+        let mut tails = vec![0.0f32; bases * 3 * TAIL];
         frame_rows(&expansion, cluster, lights, |pair, rows| {
             for row in rows.chunks_exact(expansion.padded()) {
                 peaks.iter_mut().zip(row).for_each(|(peak, value)| *peak = peak.max(value.abs()));
             }
             if pair % stride != 0 {
+                for (channel, row) in rows.chunks_exact(expansion.padded()).enumerate() {
+                    for (basis, value) in row.iter().take(bases).enumerate() {
+                        keep_large(&mut tails[(3 * basis + channel) * TAIL..][..TAIL], value.abs());
+                    }
+                }
                 return;
             }
             for (channel, row) in rows.chunks_exact(expansion.padded()).enumerate() {
@@ -281,8 +298,17 @@ fn sampled_clusters(asset: &Asset, number: usize, threads: Threads) -> Vec<Sampl
                 }
             }
         });
-        SampledCluster { texels: count, pairs, energies, code_widths, peaks, values, samples }
+        SampledCluster { texels: count, pairs, energies, code_widths, peaks, values, samples, tails }
     })
+}
+
+/// Puts `size` in its place among the largest sizes, which fall; the least of them goes.
+fn keep_large(tail: &mut [f32], size: f32) {
+    if tail.last().is_some_and(|least| size > *least) {
+        let place = tail.partition_point(|other| *other >= size);
+        tail[place..].rotate_right(1);
+        tail[place] = size;
+    }
 }
 
 fn gcd(a: usize, b: usize) -> usize {
@@ -513,7 +539,7 @@ mod tests {
         let values: Vec<f32> = (0..1000).map(|_| random.within(-1.0, 1.0)).collect();
         let [mut width, mut error] = [MAX_WIDTH, 0].map(f64::from);
         for step in [1e-3, 1e-2, 0.1, 0.5, 4.0] {
-            let (found, left) = chosen_width(&values, step);
+            let (found, left) = chosen_width(&values, 1.0, &[], step);
             assert!(f64::from(found) <= width && left >= error, "{step}: {found} {left}");
             let most = limit(found) as f64 * step;
             let plain = sum_of_squares(values.iter().map(|x| {
@@ -523,8 +549,8 @@ mod tests {
             assert!((left - plain).abs() < 1e-3 * plain + 1e-6, "{step}: {left} {plain}");
             (width, error) = (f64::from(found), left);
         }
-        assert_eq!(chosen_width(&values, 4.0).0, 0);
-        assert_eq!(chosen_width(&values, 1.0 / 127.0).0, 8);
+        assert_eq!(chosen_width(&values, 1.0, &[], 4.0).0, 0);
+        assert_eq!(chosen_width(&values, 1.0, &[], 1.0 / 127.0).0, 8);
     }
 
     #[test]
