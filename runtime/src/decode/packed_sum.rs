@@ -1,7 +1,8 @@
 //! Sums the residual of a texel from packed bases. Twin: `decode/packed_sum.wgsl`, whose pairs are three.
 //!
 //! The pairs lie side by side in a vector and go through their rows together, because all rows of a cluster have the same
-//! order: a number is cut out of each by the same two shifts.
+//! order: a number is cut out of each by the same two shifts. A number stands for a level: with half a step added to it,
+//! q, that is `q (1/2 + bend |q|)` steps.
 
 use crate::asset::residual::COLOUR_FRAME;
 use crate::decode::texel::Texel;
@@ -51,17 +52,20 @@ impl<const PAIRS: usize> WithSimd for PackedSum<'_, '_, PAIRS> {
                     packed_read(&mut words, t.words, &rows, word);
                 }
                 let down = 32 - width;
+                let bend = packed_bend(width);
+                let add = |sum: &mut f32, bits: u32| {
+                    let place = (bits as i32 >> down) as f32 + 0.5;
+                    *sum += weight * place * (0.5 + bend * place.abs());
+                };
                 if first + width <= 32 {
                     let up = down - first;
-                    for (sum, word) in sums.iter_mut().zip(&words) {
-                        *sum += weight * ((word << up) as i32 >> down) as f32;
-                    }
+                    sums.iter_mut().zip(&words).for_each(|(sum, word)| add(sum, word << up));
                     continue;
                 }
                 let mut next = [0u32; PAIRS];
                 packed_read(&mut next, t.words, &rows, word + 1);
                 for ((sum, word), next) in sums.iter_mut().zip(&words).zip(&next) {
-                    *sum += weight * (((word >> first | next << (32 - first)) << down) as i32 >> down) as f32;
+                    add(sum, (word >> first | next << (32 - first)) << down);
                 }
                 words = next;
             }
@@ -73,6 +77,11 @@ impl<const PAIRS: usize> WithSimd for PackedSum<'_, '_, PAIRS> {
         }
         rgb
     }
+}
+
+/// Returns how much the levels of numbers of `width` bits spread: 3/2 over the number of levels, exactly.
+pub(crate) fn packed_bend(width: u32) -> f32 {
+    1.5 * f32::from_bits((127 - width) << 23)
 }
 
 /// Reads word number `word` of each row.

@@ -1,6 +1,7 @@
 // Sums the residual of a texel from packed bases. Twin: decode/packed_sum.rs.
 
 const PACKED_PLACES: u32 = 4u;
+const PLACE_WORDS: u32 = 3u;
 // Rows of the colour frame. Twin: asset/residual.rs, COLOUR_FRAME.
 const FRAME_GREY: vec3<f32> = vec3<f32>(0.57735026, 0.57735026, 0.57735026);
 const FRAME_RED_BLUE: vec3<f32> = vec3<f32>(0.70710677, 0.0, -0.70710677);
@@ -9,12 +10,13 @@ const FRAME_GREEN_MAGENTA: vec3<f32> = vec3<f32>(0.4082483, -0.8164966, 0.408248
 // Returns the residual at the pairs of `view` with three `lights`; where they are not `wanted` it may be anything.
 fn packed_sum(t: Texel, view: u32, lights: vec3<u32>) -> mat3x3<f32> {
     let at = t.base + asset_word(t.layer + BLOCK_BASIS);
-    let place = at + PACKED_PLACES + 2u * t.cluster;
+    let place = at + PACKED_PLACES + PLACE_WORDS * t.cluster;
     let pairs = view * asset_word(t.layer + BLOCK_LIGHT_COUNT) + lights;
     let rows = at + asset_word(place) + asset_word(place + 1u) * pairs;
     let unit = asset_f32(at);
     let bases = at + asset_word(at + 2u) + t.cluster * asset_word(at + 1u);
-    let codes = t.base + asset_word(t.layer + BLOCK_CODES) + t.texel * asset_word(t.layer + BLOCK_CODE_WORDS);
+    // The codes of a texel end where its lobe references begin.
+    let codes = t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref - asset_word(place + 2u);
     // Of each channel of the colour frame, the sums at the three lights.
     var sums = mat3x3<f32>();
     var words = vec3<u32>(0u);
@@ -48,7 +50,8 @@ fn packed_sum(t: Texel, view: u32, lights: vec3<u32>) -> mat3x3<f32> {
             }
             bit += width;
             let down = vec3<u32>(32u - width);
-            sums[c] += weight * vec3<f32>(bitcast<vec3<i32>>(bits << down) >> down);
+            let level = vec3<f32>(bitcast<vec3<i32>>(bits << down) >> down) + 0.5;
+            sums[c] += weight * level * (0.5 + packed_bend(width) * abs(level));
         }
     }
     let grey = sums[0];
@@ -59,6 +62,11 @@ fn packed_sum(t: Texel, view: u32, lights: vec3<u32>) -> mat3x3<f32> {
         grey.y * FRAME_GREY + red_blue.y * FRAME_RED_BLUE + green_magenta.y * FRAME_GREEN_MAGENTA,
         grey.z * FRAME_GREY + red_blue.z * FRAME_RED_BLUE + green_magenta.z * FRAME_GREEN_MAGENTA,
     );
+}
+
+// Returns how much the levels of numbers of `width` bits spread: 3/2 over the number of levels, exactly.
+fn packed_bend(width: u32) -> f32 {
+    return 1.5 * bitcast<f32>((127u - width) << 23u);
 }
 
 // Reads word number `word` of each row.

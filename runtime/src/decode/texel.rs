@@ -7,7 +7,7 @@ use crate::decode::options::DecodeOptions;
 use crate::decode::packed_sum::packed_bits;
 use crate::numeric::quantize::{coefficient_from_byte, weight_from_byte};
 use crate::resident::layout::{ASSET_LAYERS, block};
-use crate::resident::packed_bases::{PACKED_PLACES, PackedBasis};
+use crate::resident::packed_bases::{PACKED_PLACES, PLACE_WORDS, PackedBasis, packed_level};
 use crate::resident::resident::Resident;
 
 /// The record of a texel, with the limits of the options applied.
@@ -138,15 +138,21 @@ impl<'a> Texel<'a> {
 
     /// Returns the first word of the packed row at the pair of `view` and `light`.
     pub(crate) fn packed_row(&self, view: u32, light: u32) -> usize {
-        let at = self.field(block::BASIS);
-        let place = at + PACKED_PLACES + 2 * self.cluster;
+        let [rows, length, _] = self.packed_place();
         let pair = view as usize * self.field(block::LIGHT_COUNT) + light as usize;
-        at + self.words[place] as usize + pair * self.words[place + 1] as usize
+        self.field(block::BASIS) + rows + pair * length
     }
 
-    /// Returns the words from the texel's packed codes on.
+    /// Returns the offset of the cluster's packed rows, the words of a row, and the words of a texel's codes.
+    fn packed_place(&self) -> [usize; PLACE_WORDS] {
+        let place = self.field(block::BASIS) + PACKED_PLACES + PLACE_WORDS * self.cluster;
+        [0, 1, 2].map(|word| self.words[place + word] as usize)
+    }
+
+    /// Returns the texel's packed codes, which end where its lobe references begin.
     pub(crate) fn packed_codes(&self) -> &'a [u32] {
-        &self.words[self.field(block::CODES) + self.texel * self.field(block::CODE_WORDS)..]
+        let [_, _, length] = self.packed_place();
+        &self.words[self.first_lobe() - length..self.first_lobe()]
     }
 
     /// Returns the weights of the bases in use where they are packed: 1 for the mean, the code for a component.
@@ -174,7 +180,7 @@ impl<'a> Texel<'a> {
             for (channel, width) in basis.widths.into_iter().enumerate().filter(|(_, width)| *width > 0) {
                 let code = packed_bits(&self.words[row..], bit, width);
                 bit += width;
-                take(index, channel, basis.step.to_f32() * unit * code as f32);
+                take(index, channel, basis.step.to_f32() * unit * packed_level(code, width));
             }
         }
     }

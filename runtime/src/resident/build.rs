@@ -267,42 +267,49 @@ fn push_texels(words: &mut Vec<u32>, base: usize, layer: &Layer, texels: &Texels
     words.reserve(2 * texels.clusters.len());
     let mut first = 0u32;
     for (cluster, count) in texels.clusters.iter().zip(texels.lobe_counts) {
+        // Packed codes of a texel lie before its references.
+        first += packed.map_or(0, |packed| packed.code_words[usize::from(*cluster)]) as u32;
         words.extend([u32::from(*cluster) | u32::from(*count) << 16, first]);
         first += u32::from(*count);
     }
     begin_part(words);
     let here = words.len() as u32;
     set(words, block::REFS, here);
-    set(words, block::REF_COUNT, texels.lobe_refs.len() as u32);
-    words.extend(texels.lobe_refs.iter().map(|reference| {
+    set(words, block::REF_COUNT, first);
+    let mut refs = texels.lobe_refs.iter().map(|reference| {
         let [r, g, b] = reference.weight;
         u32::from_le_bytes([reference.lobe, r, g, b])
-    }));
+    });
+    match packed {
+        Some(packed) => {
+            for (texel, (cluster, count)) in texels.clusters.iter().zip(texels.lobe_counts).enumerate() {
+                packed.push_codes(words, *cluster, texels.codes.iter().map(|plane| plane[texel]));
+                words.extend(refs.by_ref().take(usize::from(*count)));
+            }
+            set(words, block::CODES, here);
+            set(words, block::CODE_WORDS, 0);
+        }
+        None => words.extend(refs),
+    }
     begin_part(words);
     if !texels.has_residual {
         return;
     }
 
-    let here = words.len();
-    set(words, block::CODES, here as u32);
-    match packed {
-        Some(packed) => {
-            set(words, block::CODE_WORDS, packed.code_words as u32);
-            words.extend(packed.packed_codes(texels.clusters, &texels.codes));
-        }
-        None => {
-            let code_words = texels.codes.len().div_ceil(4);
-            set(words, block::CODE_WORDS, code_words as u32);
-            words.resize(here + code_words * texels.clusters.len(), 0);
-            for (word, planes) in texels.codes.chunks(4).enumerate() {
-                for (slot, codes) in planes.iter().enumerate() {
-                    let column = words[here + word..].iter_mut().step_by(code_words);
-                    column.zip(*codes).for_each(|(word, code)| *word |= u32::from(*code as u8) << (8 * slot));
-                }
+    if packed.is_none() {
+        let here = words.len();
+        set(words, block::CODES, here as u32);
+        let code_words = texels.codes.len().div_ceil(4);
+        set(words, block::CODE_WORDS, code_words as u32);
+        words.resize(here + code_words * texels.clusters.len(), 0);
+        for (word, planes) in texels.codes.chunks(4).enumerate() {
+            for (slot, codes) in planes.iter().enumerate() {
+                let column = words[here + word..].iter_mut().step_by(code_words);
+                column.zip(*codes).for_each(|(word, code)| *word |= u32::from(*code as u8) << (8 * slot));
             }
         }
+        begin_part(words);
     }
-    begin_part(words);
 
     set(words, block::RELIEF, 0);
     if let (Some(relief), Some(heights)) = (&layer.relief, texels.heights) {

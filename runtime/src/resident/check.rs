@@ -14,7 +14,9 @@ use crate::asset::sphere::Sphere;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };
-use crate::resident::packed_bases::{MAX_UNIT, PACKED_PLACES, PackedBasis, code_words as code_words_of, row_words};
+use crate::resident::packed_bases::{
+    MAX_UNIT, PACKED_PLACES, PLACE_WORDS, PackedBasis, code_words as code_words_of, row_words,
+};
 use crate::rule::{self, Rule};
 use crate::threads::{Threads, map};
 
@@ -172,7 +174,7 @@ impl<'a> Block<'a> {
             return self.part(block::BASIS, 0).and(self.part(block::CODES, 0)).map(|_| ());
         }
         if channel_words == 0 {
-            return self.packed(texels, rows / (3 * self.field(block::CLUSTERS)));
+            return self.packed(rows / (3 * self.field(block::CLUSTERS)));
         }
         if channel_words < bases.div_ceil(2) || channel_words > MAX_COMPONENTS.div_ceil(2) + 1 {
             return Err(rule::CHANNEL_WORDS);
@@ -194,43 +196,53 @@ impl<'a> Block<'a> {
         Ok(())
     }
 
-    /// Checks packed bases of `pairs` pairs, and that the codes lie within the words.
-    fn packed(&self, texels: usize, pairs: usize) -> Checked {
+    /// Checks packed bases of `pairs` pairs; their codes are checked with the records.
+    fn packed(&self, pairs: usize) -> Checked {
         let [bases, clusters, code_words] =
             [block::BASES, block::CLUSTERS, block::CODE_WORDS].map(|field| self.field(field));
-        if code_words > MAX_COMPONENTS.div_ceil(4) {
+        if code_words != 0 {
             return Err(rule::CODE_WORDS);
         }
-        self.part(block::CODES, texels * code_words)?;
-        let shared = [block::BASIS, block::CHANNEL_WORDS, block::CLUSTERS, block::PAIRS, block::CODE_WORDS];
+        self.part(block::CODES, 0)?;
         let at = self.field(block::BASIS);
-        let head = self.part(block::BASIS, PACKED_PLACES + 2 * clusters)?;
+        let first_basis = PACKED_PLACES + PLACE_WORDS * clusters;
+        let head = self.part(block::BASIS, first_basis)?;
         let (unit, stored) = (float(head[0]), head[1] as usize);
         if !self.is_finest() {
+            let shared = [block::BASIS, block::CHANNEL_WORDS, block::CLUSTERS, block::PAIRS];
             let is_shared = bases <= stored && self.is_of_the_finest(&shared);
             return if is_shared { Ok(()) } else { Err(rule::OTHER_BASES) };
         }
-        let first_basis = PACKED_PLACES + 2 * clusters;
         if stored != bases || head[2] as usize != first_basis || head[3] != 0 {
             return Err(rule::PACKED_ROWS);
         }
         let words = self.part(block::BASIS, first_basis + clusters * stored)?;
-        for (cluster, words) in words[first_basis..].chunks_exact(stored).enumerate() {
+        let places = head[PACKED_PLACES..].chunks_exact(PLACE_WORDS);
+        for (words, place) in words[first_basis..].chunks_exact(stored).zip(places) {
             let own: Vec<PackedBasis> = words.iter().map(|word| PackedBasis::from_word(*word)).collect();
             let steps_are_good = unit > 0.0 && unit <= MAX_UNIT && own.iter().all(|basis| basis.has_good_step(unit));
             if !steps_are_good || own[0].code_width != 0 || own.iter().skip(1).any(|basis| !basis.has_good_widths()) {
                 return Err(rule::PACKED_BASIS);
             }
-            if code_words_of(&own) > code_words {
-                return Err(rule::CODE_WORDS);
-            }
-            let [first, length] = [0, 1].map(|word| head[PACKED_PLACES + 2 * cluster + word] as usize);
+            let [first, length, of_codes] = [0, 1, 2].map(|word| place[word] as usize);
             let rows = || part(self.words, first.checked_add(at)?, pairs.checked_mul(length)?);
-            if length != row_words(&own) || rows().is_none() {
+            if length != row_words(&own) || of_codes != code_words_of(&own) || rows().is_none() {
                 return Err(rule::PACKED_ROWS);
             }
         }
         Ok(())
+    }
+
+    /// Returns the words of the packed codes of a texel of each cluster; none where bases are not packed.
+    fn packed_code_words(&self) -> Vec<usize> {
+        if self.field(block::BASES) == 0 || self.field(block::CHANNEL_WORDS) != 0 {
+            return Vec::new();
+        }
+        let first = self.field(block::BASIS).saturating_add(PACKED_PLACES);
+        let places = part(self.words, first, PLACE_WORDS * self.field(block::CLUSTERS));
+        places.map_or(Vec::new(), |places| {
+            places.iter().skip(2).step_by(PLACE_WORDS).map(|word| *word as usize).collect()
+        })
     }
 
     /// Returns whether this is a layer of the finest level.
@@ -302,9 +314,12 @@ impl<'a> Block<'a> {
         let records = self.part(block::RECORDS, 2 * texels)?;
         let refs = self.part(block::REFS, self.field(block::REF_COUNT))?;
         let edits = self.field(block::EDIT_COUNT) as u32;
+        let code_words = self.packed_code_words();
         for record in records.chunks_exact(2) {
             let (cluster, edit, count) = (record[0] & 0xff, record[0] >> 8 & 0xff, record[0] >> 16);
-            let own = part(refs, record[1] as usize, count as usize);
+            // Packed codes lie before the references.
+            let codes = code_words.get(cluster as usize).copied().unwrap_or(0);
+            let own = part(refs, record[1] as usize, count as usize).filter(|_| codes <= record[1] as usize);
             let (Some(lobes), Some(own)) = (lobes.get(cluster as usize), own.filter(|_| count < 256 && edit <= edits))
             else {
                 return Err(rule::RECORD);

@@ -58,6 +58,7 @@ fn decoder() -> [Constants; 3] {
         ("BLOCK_DICTIONARIES", block::DICTIONARIES),
         ("BLOCK_BASIS", block::BASIS),
         ("PACKED_PLACES", PACKED_PLACES),
+        ("PLACE_WORDS", PLACE_WORDS),
         ("BLOCK_CODES", block::CODES),
         ("BLOCK_CODE_WORDS", block::CODE_WORDS),
         ("BLOCK_LIGHT_COUNT", block::LIGHT_COUNT),

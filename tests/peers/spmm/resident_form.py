@@ -86,7 +86,9 @@ def read_layer(words, at, size):
     must(block[14:16] == (len(lights.directions), pairs), "lights or pairs are not those of the directions")
     packed = None
     if bases > 0 and stride == 0:
-        packed = PackedBases(words, block[11], clusters, pairs, block[13], bases)
+        packed = PackedBases(words, block[11], clusters, pairs, bases)
+        must(block[13] == 0, "packed codes have words of their own")
+        words.part(block[12], 0)
     else:
         must((bases + 1) // 2 <= stride <= 65, "the words a pair and channel are out of their range")
 
@@ -104,12 +106,16 @@ def read_layer(words, at, size):
 
     records = words[words.part(block[8], 2 * texels) : block[8] + 2 * texels]
     lobes = words[words.part(block[9], references) : block[9] + references]
-    ids, texel_edits, of_texels = [], [], []
+    ids, texel_edits, of_texels, packed_codes = [], [], [], []
     for record, first in zip(records[::2], records[1::2]):
         ids.append(record & 255)
         texel_edits.append(record >> 8 & 255)
         must(ids[-1] < clusters and texel_edits[-1] <= edits, "a texel's cluster or edit is not there")
         must(first + (record >> 16) <= references, "a texel's references are not there")
+        if packed is not None:
+            length = packed.places[ids[-1]][2]
+            must(length <= first, "a texel's codes are not there")
+            packed_codes.append(lobes[first - length : first])
         of_texels.append([list(lobe.to_bytes(4, "little")) for lobe in lobes[first : first + (record >> 16)]])
         must(all(lobe[0] < len(dictionaries[ids[-1]]) for lobe in of_texels[-1]), "a lobe is not there")
 
@@ -120,7 +126,7 @@ def read_layer(words, at, size):
     components = max(0, bases - 1)
     codes, residual = [], None
     if packed is not None:
-        codes = packed.codes(words.values("I", words.part(block[12], texels * block[13]), texels * block[13]), ids)
+        codes = packed.codes(packed_codes, ids)
         residual = packed.residual_of(len(lights.directions), ids, codes)
     elif components > 0:
         must(4 * block[13] >= components, "the words a texel are too few")
@@ -164,38 +170,37 @@ def read_layer(words, at, size):
 class PackedBases:
     """The chapter "Packed bases": the bases of a level's clusters, and the widths of its texels' codes."""
 
-    def __init__(self, words, at, clusters, pairs, code_words, bases):
-        self.words, self.at, self.bases, self.code_words = words, words.part(at, 4), bases, code_words
+    def __init__(self, words, at, clusters, pairs, bases):
+        self.words, self.at, self.bases = words, words.part(at, 4), bases
         (self.unit,), (_, stored, first, zero) = words.floats(at, 1), words[at : at + 4]
         must(0 < self.unit <= 1e9, "the unit of packed bases is out of its range")
-        must(first == 4 + 2 * clusters and zero == 0 and bases <= stored, "packed bases are not where they may be")
-        must(code_words <= 32, "the words a texel are too many")
+        must(first == 4 + 3 * clusters and zero == 0 and bases <= stored, "packed bases are not where they may be")
         places = words[at + 4 : at + first]
-        self.places = list(zip(places[::2], places[1::2]))
+        self.places = list(zip(places[::3], places[1::3], places[2::3]))
         self.steps, self.widths, self.code_widths = [], [], []
-        for k, (rows, length) in enumerate(self.places):
+        for k, (rows, length, code_words) in enumerate(self.places):
             packed = words[at + first + k * stored : at + first + (k + 1) * stored]
             steps = struct.unpack(f"<{stored}e", b"".join((x & 0xFFFF).to_bytes(2, "little") for x in packed))
             widths = [[x >> shift & 15 for shift in (16, 20, 24)] for x in packed]
             code_widths = [x >> 28 for x in packed]
             must(all(x & 0x8000 == 0 and x & 0x7C00 != 0x7C00 for x in packed), "a packed step is out of its range")
-            largest = max(self.unit * step * 2 ** (max(own) - 1) for step, own in zip(steps, widths))
+            largest = max(self.unit * step * 1.25 * 2 ** (max(own) - 1) for step, own in zip(steps, widths))
             must(largest <= 1e6, "a packed number is too large")
             must(code_widths[0] == 0 and max(code_widths) <= 8, "a code's width is out of its range")
             empty = all(code > 0 or not any(own) for code, own in zip(code_widths[1:], widths[1:]))
             must(empty, "a component without codes has numbers")
             must(length == -(-sum(map(sum, widths)) // 32), "a packed row has not the words of its numbers")
-            must(-(-sum(code_widths) // 32) <= code_words, "the words a texel are too few")
+            must(code_words == -(-sum(code_widths) // 32), "a texel has not the words of its codes")
             words.within(at + rows, pairs * length)
             self.steps.append(steps)
             self.widths.append(widths)
             self.code_widths.append(code_widths)
 
-    def codes(self, words, ids):
+    def codes(self, words_of_texels, ids):
         """The codes of the components at hand, those of all texels for each."""
         planes = [[] for _ in range(self.bases - 1)]
-        for texel, cluster in enumerate(ids):
-            bits = Bits(words[texel * self.code_words : (texel + 1) * self.code_words])
+        for words, cluster in zip(words_of_texels, ids):
+            bits = Bits(words)
             for plane, width in zip(planes, self.code_widths[cluster][1:]):
                 plane.append(bits.take(width))
         return planes
@@ -205,14 +210,17 @@ class PackedBases:
 
         def at(texel, view, light):
             cluster = ids[texel]
-            rows, length = self.places[cluster]
+            rows, length, _ = self.places[cluster]
             first = self.at + rows + (view * lights + light) * length
             bits = Bits(self.words[first : first + length])
             sums = [0.0] * 3
             weights = [1] + [plane[texel] for plane in codes]
             for weight, step, widths in zip(weights, self.steps[cluster], self.widths[cluster]):
                 for channel, width in enumerate(widths):
-                    sums[channel] += weight * step * self.unit * bits.take(width)
+                    if width > 0:
+                        place = bits.take(width) + 0.5
+                        level = place * (0.5 + 1.5 / 2**width * abs(place))
+                        sums[channel] += weight * step * self.unit * level
             return [sum(x * frame[c] for x, frame in zip(sums, FRAME)) for c in range(3)]
 
         return at
