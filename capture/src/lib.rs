@@ -54,6 +54,7 @@ mod shared_bytes;
 mod stamp;
 pub mod toml_text;
 mod ubo2014;
+mod units;
 mod writer;
 
 pub use atomic::{AtomicFile, write_file_atomically};
@@ -70,4 +71,5 @@ pub use info::{CaptureInfo, Cosine, ImageFormat, Side};
 pub use shared_bytes::SharedBytes;
 pub use stamp::FileStamp;
 pub use ubo2014::{ContainerInfo, ContainerKind, HeightMap};
+pub use units::{bytes_from_text, text_from_bytes};
 pub use writer::CaptureWriter;

@@ -31,8 +31,8 @@ mod resume;
 mod sample_asset;
 mod stages;
 mod trade;
-mod units;
 
+pub use btf_capture::{bytes_from_text, text_from_bytes};
 pub use error::FitError;
 pub use export::gltf::brdf::{GltfTexel, Sheen};
 pub use export::gltf::document::{AssetPlace, EXTENSION, GltfExport, export_gltf};
@@ -85,4 +85,3 @@ pub use trade::params::TradeParams;
 pub use trade::pareto::{CostAndGain, pareto_front};
 pub use trade::point::{Limit, Precision, Rule, TradePoint};
 pub use trade::trade::{Trade, trade};
-pub use units::{bytes_from_text, text_from_bytes};

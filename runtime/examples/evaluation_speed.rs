@@ -2,13 +2,13 @@
 //! ...`.
 //!
 //! Places, lights and eyes are random, so that no evaluation profits from the cache lines of the one before. Each file
-//! is timed as it is, without relief and without heights where it has any, and with 8 lobes in every texel, all of them
-//! part of the value. The floor is a loop that only reads one number of each cache line that an evaluation needs, at
+//! is timed as it is, without relief and without heights where it has any, with packed bases of some sizes, and with 8
+//! lobes in every texel, all of them part of the value. The floor is a loop that only reads one number of each cache line that an evaluation needs, at
 //! places found before. All times are of one run.
 
 use btf_runtime::{
-    ASSET_LAYERS, Asset, DecodeOptions, HeightUse, LOBE_RESIDENT_WORDS, LobeRef, LobeRole, Query, Resident, block,
-    evaluate, evaluate_many,
+    ASSET_LAYERS, Asset, DecodeOptions, HeightUse, LOBE_RESIDENT_WORDS, LobeRef, LobeRole, PackedGoal, Query, Resident,
+    block, evaluate, evaluate_many, serial,
 };
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -19,6 +19,11 @@ const QUERIES: usize = 1 << 15;
 const SLICE: usize = 1 << 10;
 const PASSES: usize = 20;
 const LOBES: usize = 8;
+/// Sizes of resident forms with packed bases, MB.
+const PACKED_MB: [u64; 3] = [15, 10, 5];
+/// Words before the clusters' places in packed bases, and of a place (docs/reference/format.md, "Packed bases").
+const PACKED_PLACES: usize = 4;
+const PLACE_WORDS: usize = 3;
 
 fn queries() -> Vec<Query> {
     // Powers of the root of x^7 = x + 1: even in all six dimensions, without a generator.
@@ -61,21 +66,32 @@ fn lines(asset: &Asset, resident: &Resident, query: &Query) -> (Vec<u32>, usize)
     let texel = resident.texel(0, query.uv) as usize;
     let record = field(block::RECORDS) + 2 * texel;
     let cluster = (words[record] & 0xff) as usize;
-    let mut parts =
-        vec![(record, 2), (field(block::CODES) + texel * field(block::CODE_WORDS), field(block::CODE_WORDS))];
+    let (refs, basis) = (field(block::REFS) + words[record + 1] as usize, field(block::BASIS));
+    let is_packed = resident.is_packed(0);
+    let mut parts = vec![(record, 2)];
+    let (mut first_row, mut row) = (0, 3 * field(block::CHANNEL_WORDS));
+    if is_packed {
+        let place = basis + PACKED_PLACES + PLACE_WORDS * cluster;
+        let (bases, codes) = (words[basis + 1] as usize, words[place + 2] as usize);
+        parts.extend([(place, PLACE_WORDS), (basis + words[basis + 2] as usize + cluster * bases, bases)]);
+        parts.push((refs - codes, codes));
+        (first_row, row) = (words[place] as usize, words[place + 1] as usize);
+    } else {
+        parts.push((field(block::CODES) + texel * field(block::CODE_WORDS), field(block::CODE_WORDS)));
+        first_row += cluster * field(block::PAIRS) * row;
+    }
     if layer.lobe_role != LobeRole::Guide {
-        let (first, count) = (field(block::REFS) + words[record + 1] as usize, (words[record] >> 16) as usize);
-        parts.push((first, count));
+        let count = (words[record] >> 16) as usize;
+        parts.push((refs, count));
         let dictionary = words[field(block::DICTIONARIES) + cluster] as usize;
         let lobe = |reference: &u32| dictionary + (reference & 0xff) as usize * LOBE_RESIDENT_WORDS;
-        parts.extend(words[first..first + count].iter().map(|reference| (lobe(reference), 12)));
+        parts.extend(words[refs..refs + count].iter().map(|reference| (lobe(reference), 12)));
     }
     let (views, lights) = (layer.views.locate(query.wo), layer.lights.locate(query.wi));
-    let row = 3 * field(block::CHANNEL_WORDS);
     for (view, _) in views.ids.iter().zip(views.weights).filter(|(_, weight)| *weight > 0.0) {
         for (light, _) in lights.ids.iter().zip(lights.weights).filter(|(_, weight)| *weight > 0.0) {
             let pair = *view as usize * field(block::LIGHT_COUNT) + *light as usize;
-            parts.push((field(block::BASIS) + (cluster * field(block::PAIRS) + pair) * row, row));
+            parts.push((basis + first_row + pair * row, row));
         }
     }
     let needed = parts.iter().map(|(_, count)| 4 * count).sum();
@@ -103,12 +119,12 @@ fn least_ns(mut work: impl FnMut(Range<usize>)) -> f64 {
     1e9 * least.iter().sum::<f64>() / QUERIES as f64
 }
 
-fn time(name: &str, asset: &Asset, queries: &[Query], heights: HeightUse) {
-    let (resident, options) = (Resident::from_asset(asset), DecodeOptions { heights, ..DecodeOptions::default() });
+fn time(name: &str, asset: &Asset, resident: &Resident, queries: &[Query], heights: HeightUse) {
+    let options = DecodeOptions { heights, ..DecodeOptions::default() };
     let words = resident.words();
     let (mut needed, mut ends, mut places) = (0, Vec::new(), Vec::new());
     for query in queries {
-        let (lines, bytes) = lines(asset, &resident, query);
+        let (lines, bytes) = lines(asset, resident, query);
         needed += bytes;
         places.extend(lines);
         ends.push(places.len());
@@ -119,12 +135,12 @@ fn time(name: &str, asset: &Asset, queries: &[Query], heights: HeightUse) {
     });
     let alone = least_ns(|slice| {
         for query in &queries[slice] {
-            black_box(evaluate(&resident, 0, black_box(query), &options));
+            black_box(evaluate(resident, 0, black_box(query), &options));
         }
     });
     let mut values = vec![[0.0; 3]; SLICE];
     let many =
-        least_ns(|slice| evaluate_many(&resident, 0, black_box(&queries[slice]), &options, black_box(&mut values)));
+        least_ns(|slice| evaluate_many(resident, 0, black_box(&queries[slice]), &options, black_box(&mut values)));
     let layer = &asset.layers[0];
     println!(
         "{name}: {:.1} lobes a texel, {}, {} components, {:.1} MB resident; {:.0} bytes an evaluation in {:.1} lines; \
@@ -145,11 +161,17 @@ fn main() {
     let queries = queries();
     for path in std::env::args().skip(1) {
         let asset = Asset::parse(&std::fs::read(&path).expect("the file can be read")).expect("it is an asset");
-        time(&path, &asset, &queries, HeightUse::Relief);
+        let resident = Resident::from_asset(&asset);
+        time(&path, &asset, &resident, &queries, HeightUse::Relief);
         if asset.layers[0].heights.is_some() {
-            time("  without relief", &asset, &queries, HeightUse::Parallax);
-            time("  without heights", &asset, &queries, HeightUse::None);
+            time("  without relief", &asset, &resident, &queries, HeightUse::Parallax);
+            time("  without heights", &asset, &resident, &queries, HeightUse::None);
         }
-        time("  with 8 lobes", &with_all_lobes(&asset), &queries, HeightUse::Relief);
+        for size in PACKED_MB.into_iter().filter(|size| 1_000_000 * size < 4 * resident.words().len() as u64) {
+            let packed = Resident::packed_on(&asset, PackedGoal::Bytes(1_000_000 * size), &serial);
+            time(&format!("  packed, {size} MB"), &asset, &packed, &queries, HeightUse::Relief);
+        }
+        let all_lobes = with_all_lobes(&asset);
+        time("  with 8 lobes", &all_lobes, &Resident::from_asset(&all_lobes), &queries, HeightUse::Relief);
     }
 }

@@ -91,7 +91,7 @@ pub use resident::expansion_input::{
     EXPANSION_WGSL, EXPANSION_WORKGROUP, ExpansionChannel, ExpansionInput, ExpansionShape, ExpansionSlice,
 };
 pub use resident::layout::{ASSET_LAYERS, HORIZON_COS, block};
-pub use resident::packed_bases::PackedGoal;
+pub use resident::packed_widths::PackedGoal;
 pub use resident::resident::{Resident, ResidentBytes};
 pub use resident::single::SingleBases;
 pub use rule::{Rule, Severity};

@@ -16,7 +16,7 @@ pub use crate::leaf::texture::FACTOR_ONE;
 pub use crate::leaf::theta::{MAX_ABSORPTION, THETA_P, THETA_Q};
 pub use crate::leaf::viewed::{LUMINANCE, MIN_EYE, MIN_SHARE, MIN_UP};
 pub use crate::leaf::words as leaf_words;
-pub use crate::resident::packed_bases::{PACKED_PLACES, PLACE_WORDS};
+pub use crate::resident::packed_part::{PACKED_PLACES, PLACE_WORDS};
 pub use crate::voltex::facets::{MAX_DENSER, MIN_HALF2};
 pub use crate::voltex::gloss::{MIN_REFRACTED, MIN_ROUGHNESS};
 pub use crate::voltex::node::NODE_WORDS;

@@ -13,6 +13,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("layout.wgsl", include_str!("resident/layout.wgsl")),
     ("height_field.wgsl", include_str!("asset/height_field.wgsl")),
     ("parallax.wgsl", include_str!("decode/parallax.wgsl")),
+    ("packed_part.wgsl", include_str!("resident/packed_part.wgsl")),
     ("packed_sum.wgsl", include_str!("decode/packed_sum.wgsl")),
     ("texel.wgsl", include_str!("decode/texel.wgsl")),
     ("relief.wgsl", include_str!("decode/relief.wgsl")),

@@ -2,7 +2,7 @@
 
 use super::compare_voltex::{self, Compared};
 use super::failure::Failure;
-use super::options::{Decoding, Shared};
+use super::options::{Decoding, Packing, Shared};
 use super::output::{check_distinct, check_file, tell};
 use super::progress;
 use btf_capture::{Capture, CaptureInfo, Direction, write_file_atomically};
@@ -44,11 +44,10 @@ pub(super) struct CompareArgs {
     #[command(flatten)]
     decoding: Decoding,
     /// Of a volumetric texture also measure what each of its terms is worth, and simplified meshes; takes minutes
-    #[arg(long, conflicts_with_all = ["layer", "max_theta", "heatmap", "report"])]
+    #[arg(long, conflicts_with_all = ["layer", "max_theta", "heatmap", "report", "Packing"])]
     ablate: bool,
-    /// Decode as a renderer does that holds the asset with packed bases in at most this size, such as 15MB
-    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, conflicts_with_all = ["ablate", "report"])]
-    resident_bytes: Option<u64>,
+    #[command(flatten)]
+    packing: Packing,
     /// Most memory to use for images
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB")]
     memory: u64,
@@ -56,7 +55,7 @@ pub(super) struct CompareArgs {
     #[arg(long, value_name = "DIR")]
     heatmap: Option<PathBuf>,
     /// Write a page with figures, pictures and error maps
-    #[arg(long, value_name = "REPORT.html")]
+    #[arg(long, value_name = "REPORT.html", conflicts_with = "Packing")]
     report: Option<PathBuf>,
     /// Write the figures as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
@@ -92,10 +91,15 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         [args.report.as_ref(), args.json.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
     check_distinct(&outputs)?;
     if let Some((bytes, volume)) = load_voltex(&args.asset)? {
-        if args.layer.is_some() || args.max_theta.is_some() || args.heatmap.is_some() || args.report.is_some() {
+        if args.layer.is_some()
+            || args.max_theta.is_some()
+            || args.heatmap.is_some()
+            || args.report.is_some()
+            || args.packing.goal().is_some()
+        {
             let path = args.asset.display();
             return Err(Failure::Usage(format!(
-                "{path} is a volumetric texture: --layer, --max-theta, --heatmap and --report are for assets; leave them out"
+                "{path} is a volumetric texture: --layer, --max-theta, --heatmap, --report and packing are for assets; leave them out"
             )));
         }
         let compared = Compared { model: &args.capture, file: &args.asset, bytes: bytes.len(), volume: &volume };
@@ -127,7 +131,7 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
     };
 
     let monitor = progress::monitor(shared, None)?;
-    let packed = args.resident_bytes.map(|most| packed_in_parallel(&asset, most)).transpose()?;
+    let packed = args.packing.goal().map(|goal| packed_in_parallel(&asset, goal)).transpose()?;
     let resident = if packed.is_some() { Resident::without_bases(&asset) } else { resident_in_parallel(&asset) };
     let params = MeasureParams {
         layer,

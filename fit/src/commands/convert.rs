@@ -1,10 +1,10 @@
 //! `btf-fit convert`.
 
 use super::failure::Failure;
-use super::options::Shared;
+use super::options::{Packing, Shared};
 use super::output::{check_file, tell};
 use btf_capture::write_file_atomically;
-use btf_fit::{Shape, bytes_from_text, convert, load_asset, text_from_bytes};
+use btf_fit::{Shape, convert, load_asset, text_from_bytes};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -29,11 +29,10 @@ pub(super) struct ConvertArgs {
     /// The shape to write
     #[arg(long, value_enum, default_value = "resident")]
     to: ShapeArg,
-    /// Pack the bases of the resident form so that all of it takes at most this size, such as 15MB
-    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, conflicts_with = "level")]
-    resident_bytes: Option<u64>,
+    #[command(flatten)]
+    packing: Packing,
     /// Write one level alone as an asset of its own: 0 is the finest, 1 has half its side, and so on
-    #[arg(long, value_name = "N", conflicts_with = "to")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["to", "Packing"])]
     level: Option<usize>,
     /// Write what was written as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
@@ -65,11 +64,15 @@ pub(super) fn run(args: &ConvertArgs, shared: &Shared) -> Result<(), Failure> {
     if let Some(target) = &args.json {
         check_file(target, inputs)?;
     }
+    let goal = args.packing.goal();
+    if goal.is_some() && args.to != ShapeArg::Resident {
+        return Err(Failure::Usage("only the resident form has packed bases; leave --to away".into()));
+    }
     let shape = match (args.level, args.to) {
         (Some(number), _) => Shape::Level(number),
         (None, ShapeArg::Plain) => Shape::Plain,
         (None, ShapeArg::Levels) => Shape::Levels,
-        (None, ShapeArg::Resident) => args.resident_bytes.map_or(Shape::Resident, Shape::Packed),
+        (None, ShapeArg::Resident) => goal.map_or(Shape::Resident, Shape::Packed),
     };
     let bytes = convert(&asset, shape)?;
     write_file_atomically(&args.out, &bytes)?;

@@ -1,6 +1,7 @@
 //! Options that several subcommands share.
 
-use btf_fit::Role;
+use btf_fit::{Role, bytes_from_text};
+use btf_runtime::PackedGoal;
 use clap::{Args, ValueEnum};
 
 /// Options of every subcommand.
@@ -55,6 +56,30 @@ impl Decoding {
             heights: btf_runtime::HeightUse::unless(self.no_parallax, self.no_relief),
         }
     }
+}
+
+/// How closely a resident form with packed bases keeps to the whole one.
+#[derive(Debug, Clone, Args)]
+pub(super) struct Packing {
+    /// Pack the bases so that the whole resident form takes at most this size, such as 15MB
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text)]
+    resident_bytes: Option<u64>,
+    /// Pack the bases so that the residual at the measured pairs departs from the whole one's by this PSNR, dB
+    #[arg(long, value_name = "DB", value_parser = parse_psnr, conflicts_with = "resident_bytes")]
+    resident_psnr: Option<f32>,
+}
+
+impl Packing {
+    /// Returns the goal; `None` where bases are not to be packed.
+    pub(super) fn goal(&self) -> Option<PackedGoal> {
+        let bytes = self.resident_bytes.map(PackedGoal::Bytes);
+        bytes.or_else(|| self.resident_psnr.map(PackedGoal::of_psnr))
+    }
+}
+
+fn parse_psnr(text: &str) -> Result<f32, String> {
+    let db = text.parse().ok().filter(|db| (0.0..=200.0).contains(db));
+    db.ok_or_else(|| "it is a number of dB from 0 to 200, as in 50".into())
 }
 
 /// [`Role`] on the command line.

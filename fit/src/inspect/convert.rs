@@ -2,10 +2,10 @@
 
 use crate::error::FitError;
 use crate::inspect::load::{packed_in_parallel, parallel};
-use btf_runtime::{Asset, ResidentFile, pack, with_levels};
+use btf_runtime::{Asset, PackedGoal, ResidentFile, pack, with_levels};
 
 /// Shape that [`convert`] makes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
     /// The file form without levels.
     Plain,
@@ -13,8 +13,8 @@ pub enum Shape {
     Levels,
     /// The resident form with levels: many times the bytes; it is mapped into memory and nothing is decoded.
     Resident,
-    /// The resident form with levels and packed bases, of at most so many bytes.
-    Packed(u64),
+    /// The resident form with levels and packed bases.
+    Packed(PackedGoal),
     /// One level alone as an asset of its own; 0 is the finest, and numbers beyond the last give the coarsest.
     Level(usize),
 }
@@ -30,9 +30,9 @@ pub fn convert(asset: &Asset, shape: Shape) -> Result<Vec<u8>, FitError> {
         Shape::Plain => Ok(pack(&asset.without_levels())?),
         Shape::Levels => Ok(pack(&with_levels(asset, &parallel))?),
         Shape::Level(number) => Ok(pack(&with_levels(asset, &parallel).level(number))?),
-        Shape::Packed(bytes) => {
+        Shape::Packed(goal) => {
             let asset = with_levels(asset, &parallel);
-            let resident = packed_in_parallel(&asset, bytes)?;
+            let resident = packed_in_parallel(&asset, goal)?;
             Ok(ResidentFile::with_words(asset, resident).pack()?)
         }
         Shape::Resident => Ok(ResidentFile::of_asset(with_levels(asset, &parallel), &parallel).pack()?),

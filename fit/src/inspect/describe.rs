@@ -7,7 +7,7 @@ use crate::inspect::lobe_use::LobeUse;
 use crate::inspect::sections::{SectionSize, section_sizes};
 use crate::params::Role;
 use crate::provenance::Material;
-use crate::units::text_from_bytes;
+use btf_capture::text_from_bytes;
 use btf_runtime::{Asset, Heights, Layer, LobeFamily, ResidualKind, SectionEntry, SectionKind, read_directory};
 use serde::Serialize;
 use std::fmt::{self, Display};

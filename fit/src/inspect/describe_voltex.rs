@@ -3,7 +3,7 @@
 use crate::error::FitError;
 use crate::inspect::load::{parallel, read_file};
 use crate::inspect::sections::{SectionSize, section_sizes};
-use crate::units::text_from_bytes;
+use btf_capture::text_from_bytes;
 use btf_runtime::voltex::{
     MicroflakeMaterial, VOLTEX_VERSION, Voltex, VoltexSection, Volume, VolumeLevel, read_voltex_directory,
 };

@@ -1,7 +1,7 @@
 //! Files and assets read on all threads, with messages that name the file.
 
 use crate::error::FitError;
-use crate::units::text_from_bytes;
+use btf_capture::text_from_bytes;
 use btf_runtime::{Asset, PackedGoal, Resident, SingleBases};
 use rayon::prelude::*;
 use std::path::Path;
@@ -16,19 +16,19 @@ pub fn resident_in_parallel(asset: &Asset) -> Resident {
     Resident::from_asset_on(asset, &parallel)
 }
 
-/// Returns the resident form of `asset` with packed bases, of at most `most_bytes` in all.
+/// Returns the resident form of `asset` with packed bases, as `goal` has it.
 ///
 /// # Errors
-/// [`FitError::Budget`] if it takes more without any component.
-pub fn packed_in_parallel(asset: &Asset, most_bytes: u64) -> Result<Resident, FitError> {
-    let resident = Resident::packed_on(asset, PackedGoal::Bytes(most_bytes), &parallel);
+/// [`FitError::Budget`] if it takes more bytes than the goal without any component.
+pub fn packed_in_parallel(asset: &Asset, goal: PackedGoal) -> Result<Resident, FitError> {
+    let resident = Resident::packed_on(asset, goal, &parallel);
     let needed = 4 * resident.words().len() as u64;
-    match needed <= most_bytes {
-        true => Ok(resident),
-        false => Err(FitError::Budget(format!(
+    match goal {
+        PackedGoal::Bytes(most) if needed > most => Err(FitError::Budget(format!(
             "in memory the asset takes {} at least; allow that with --resident-bytes, or take a coarser level of it with btf-fit convert --level",
             text_from_bytes(needed)
         ))),
+        _ => Ok(resident),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Counts of an asset's lobes, their role and their bytes: for every report that mentions them.
 
 use crate::params::Role;
-use crate::units::text_from_bytes;
+use btf_capture::text_from_bytes;
 use btf_runtime::{Layer, SectionEntry, SectionKind};
 use serde::Serialize;
 use std::fmt::{self, Display};

@@ -5,7 +5,7 @@ use crate::report::page::{decibel_text, page, tile};
 use crate::report::plot::{Dot, Mark, scatter};
 use crate::trade::point::{Limit, Precision, Rule, TradePoint};
 use crate::trade::trade::Trade;
-use crate::units::text_from_bytes;
+use btf_capture::text_from_bytes;
 use maud::{Markup, html};
 
 /// Columns of the table, in order.

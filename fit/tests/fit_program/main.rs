@@ -5,6 +5,7 @@ mod command_line;
 mod containers;
 mod extremes;
 mod memory;
+mod packed;
 mod painted;
 mod resume;
 mod roles;

@@ -45,7 +45,7 @@ pub fn decode_measured(
         let weights = t.packed_weights();
         for (pair, out) in out.chunks_exact_mut(3).enumerate() {
             let mut r = [0.0; 3];
-            t.unpack_row(t.packed_row(0, pair as u32), |basis, channel, value| {
+            t.packed().unpack(t.cluster, pair, t.bases, |basis, channel, value| {
                 (0..3).for_each(|c| r[c] += COLOUR_FRAME[channel][c] * weights[basis] * value);
             });
             let decoded = out.iter().zip(r).map(|(s, r)| source.residual_kind.combine(share * s, r, source.epsilon));

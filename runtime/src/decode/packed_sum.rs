@@ -6,7 +6,7 @@
 
 use crate::asset::residual::COLOUR_FRAME;
 use crate::decode::texel::Texel;
-use crate::resident::packed_bases::{PackedBasis, WORD_BITS};
+use crate::resident::packed_part::{PackedBasis, packed_bend, packed_bits};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Returns the sum of `shares` times the residual of `t` at their pairs, RGB; `rows` are the first words of the pairs' rows.
@@ -26,7 +26,7 @@ impl<const PAIRS: usize> WithSimd for PackedSum<'_, '_, PAIRS> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> [f32; 3] {
         let PackedSum { t, shares, rows } = self;
-        let (unit, bases) = t.packed_bases();
+        let (unit, bases) = (t.packed().unit(), t.packed().bases(t.cluster, t.bases));
         let codes = t.packed_codes();
         let mut sums = [[0.0f32; PAIRS]; 3];
         let mut words = [0u32; PAIRS];
@@ -34,7 +34,7 @@ impl<const PAIRS: usize> WithSimd for PackedSum<'_, '_, PAIRS> {
         let (mut bit, mut code_bit) = (0, 0);
         for (index, basis) in bases.iter().enumerate() {
             let basis = PackedBasis::from_word(*basis);
-            let mut weight = basis.step.to_f32() * unit;
+            let mut weight = basis.step() * unit;
             if index > 0 {
                 if basis.code_width == 0 {
                     continue;
@@ -79,25 +79,10 @@ impl<const PAIRS: usize> WithSimd for PackedSum<'_, '_, PAIRS> {
     }
 }
 
-/// Returns how much the levels of numbers of `width` bits spread: 3/2 over the number of levels, exactly.
-pub(crate) fn packed_bend(width: u32) -> f32 {
-    1.5 * f32::from_bits((127 - width) << 23)
-}
-
 /// Reads word number `word` of each row.
 #[inline(always)]
 fn packed_read<const PAIRS: usize>(out: &mut [u32; PAIRS], words: &[u32], rows: &[usize; PAIRS], word: usize) {
     for (out, row) in out.iter_mut().zip(rows) {
         *out = words.get(row + word).copied().unwrap_or(0);
     }
-}
-
-/// Returns the number of `width` bits, at least 1, that follows the first `bit` bits of `words`.
-pub(crate) fn packed_bits(words: &[u32], bit: u32, width: u32) -> i32 {
-    let (word, first) = ((bit / WORD_BITS) as usize, bit % WORD_BITS);
-    let mut bits = words[word] >> first;
-    if first + width > WORD_BITS {
-        bits |= words[word + 1] << (WORD_BITS - first);
-    }
-    (bits << (WORD_BITS - width)) as i32 >> (WORD_BITS - width)
 }

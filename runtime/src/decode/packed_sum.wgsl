@@ -1,7 +1,5 @@
 // Sums the residual of a texel from packed bases. Twin: decode/packed_sum.rs.
 
-const PACKED_PLACES: u32 = 4u;
-const PLACE_WORDS: u32 = 3u;
 // Rows of the colour frame. Twin: asset/residual.rs, COLOUR_FRAME.
 const FRAME_GREY: vec3<f32> = vec3<f32>(0.57735026, 0.57735026, 0.57735026);
 const FRAME_RED_BLUE: vec3<f32> = vec3<f32>(0.70710677, 0.0, -0.70710677);
@@ -64,22 +62,7 @@ fn packed_sum(t: Texel, view: u32, lights: vec3<u32>) -> mat3x3<f32> {
     );
 }
 
-// Returns how much the levels of numbers of `width` bits spread: 3/2 over the number of levels, exactly.
-fn packed_bend(width: u32) -> f32 {
-    return 1.5 * bitcast<f32>((127u - width) << 23u);
-}
-
 // Reads word number `word` of each row.
 fn packed_read(rows: vec3<u32>, word: u32) -> vec3<u32> {
     return vec3<u32>(asset_word(rows.x + word), asset_word(rows.y + word), asset_word(rows.z + word));
-}
-
-// Returns the number of `width` bits, at least 1, that follows the first `bit` bits of the words from `at` on.
-fn packed_bits(at: u32, bit: u32, width: u32) -> i32 {
-    let first = bit % 32u;
-    var bits = asset_word(at + bit / 32u) >> first;
-    if first + width > 32u {
-        bits |= asset_word(at + bit / 32u + 1u) << (32u - first);
-    }
-    return bitcast<i32>(bits << (32u - width)) >> (32u - width);
 }

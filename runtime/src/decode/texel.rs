@@ -4,10 +4,9 @@
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::lobe::{RESIDENT_WORDS, ResidentLobe, weight_scale};
 use crate::decode::options::DecodeOptions;
-use crate::decode::packed_sum::packed_bits;
 use crate::numeric::quantize::{coefficient_from_byte, weight_from_byte};
 use crate::resident::layout::{ASSET_LAYERS, block};
-use crate::resident::packed_bases::{PACKED_PLACES, PLACE_WORDS, PackedBasis, packed_level};
+use crate::resident::packed_part::{PackedBasis, PackedPart, packed_bits};
 use crate::resident::resident::Resident;
 
 /// The record of a texel, with the limits of the options applied.
@@ -128,38 +127,27 @@ impl<'a> Texel<'a> {
         self.bases > 0 && self.field(block::CHANNEL_WORDS) == 0
     }
 
-    /// Returns the unit of packed bases, and the words of those in use in the texel's cluster.
-    pub(crate) fn packed_bases(&self) -> (f32, &'a [u32]) {
-        let at = self.field(block::BASIS);
-        let [stored, bases] = [1, 2].map(|word| self.words[at + word] as usize);
-        let first = at + bases + self.cluster * stored;
-        (f32::from_bits(self.words[at]), &self.words[first..first + self.bases])
+    /// Returns the part of the packed bases.
+    pub(crate) fn packed(&self) -> PackedPart<'a> {
+        PackedPart::new(self.words, self.field(block::BASIS))
     }
 
     /// Returns the first word of the packed row at the pair of `view` and `light`.
     pub(crate) fn packed_row(&self, view: u32, light: u32) -> usize {
-        let [rows, length, _] = self.packed_place();
-        let pair = view as usize * self.field(block::LIGHT_COUNT) + light as usize;
-        self.field(block::BASIS) + rows + pair * length
-    }
-
-    /// Returns the offset of the cluster's packed rows, the words of a row, and the words of a texel's codes.
-    fn packed_place(&self) -> [usize; PLACE_WORDS] {
-        let place = self.field(block::BASIS) + PACKED_PLACES + PLACE_WORDS * self.cluster;
-        [0, 1, 2].map(|word| self.words[place + word] as usize)
+        self.packed().row(self.cluster, view as usize * self.field(block::LIGHT_COUNT) + light as usize)
     }
 
     /// Returns the texel's packed codes, which end where its lobe references begin.
     pub(crate) fn packed_codes(&self) -> &'a [u32] {
-        let [_, _, length] = self.packed_place();
-        &self.words[self.first_lobe() - length..self.first_lobe()]
+        let first = self.field(block::REFS) + self.first_ref;
+        &self.words[first - self.packed().code_words(self.cluster)..first]
     }
 
     /// Returns the weights of the bases in use where they are packed: 1 for the mean, the code for a component.
     pub(crate) fn packed_weights(&self) -> Vec<f32> {
         let (codes, mut bit) = (self.packed_codes(), 0);
-        let (_, bases) = self.packed_bases();
-        let of_basis = bases.iter().enumerate().map(|(index, word)| {
+        let bases = self.packed().bases(self.cluster, self.bases).iter().enumerate();
+        let of_basis = bases.map(|(index, word)| {
             let width = PackedBasis::from_word(*word).code_width;
             bit += width;
             match (index, width) {
@@ -169,20 +157,6 @@ impl<'a> Texel<'a> {
             }
         });
         of_basis.collect()
-    }
-
-    /// Calls `take(basis, channel of the colour frame, value)` with the numbers of the packed row at word `row` that are
-    /// there; the others are 0.
-    pub(crate) fn unpack_row(&self, row: usize, mut take: impl FnMut(usize, usize, f32)) {
-        let (unit, bases) = self.packed_bases();
-        let mut bit = 0;
-        for (index, basis) in bases.iter().map(|word| PackedBasis::from_word(*word)).enumerate() {
-            for (channel, width) in basis.widths.into_iter().enumerate().filter(|(_, width)| *width > 0) {
-                let code = packed_bits(&self.words[row..], bit, width);
-                bit += width;
-                take(index, channel, basis.step.to_f32() * unit * packed_level(code, width));
-            }
-        }
     }
 
     /// Returns the first word of the bases at the pair of `view` and `light`, counted from the first word of all bases.

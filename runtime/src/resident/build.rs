@@ -9,7 +9,8 @@ use crate::resident::expansion::Expansion;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block, level_size,
 };
-use crate::resident::packed_bases::{PackedGoal, PackedLayer, packed_bases};
+use crate::resident::packed_bases::{PackedLayer, packed_bases};
+use crate::resident::packed_widths::PackedGoal;
 use crate::resident::relief_records::relief_records;
 use crate::resident::resident::Resident;
 use crate::threads::{Threads, fill, serial};

@@ -14,7 +14,7 @@ use crate::asset::sphere::Sphere;
 use crate::resident::layout::{
     ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
 };
-use crate::resident::packed_bases::{
+use crate::resident::packed_part::{
     MAX_UNIT, PACKED_PLACES, PLACE_WORDS, PackedBasis, code_words as code_words_of, row_words,
 };
 use crate::rule::{self, Rule};

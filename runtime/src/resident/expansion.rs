@@ -15,6 +15,9 @@ pub(crate) const LANES: usize = 16;
 /// Number of SIMD vectors that one pass over the terms of a sum keeps in registers.
 const BLOCK: usize = 6;
 
+/// Largest size of a number of a basis in the colour frame, so that what follows from it is finite.
+const MAX_VALUE: f32 = 65504.0;
+
 /// The parts of an expansion that all clusters share.
 pub(crate) struct Expansion<'a> {
     residual: &'a Residual,
@@ -98,6 +101,25 @@ impl<'a> Expansion<'a> {
     /// V rl (rv + L))` multiply-adds a channel.
     pub(crate) fn rows(&self, cluster: usize, take: impl FnMut(usize, &[f32])) {
         Arch::new().dispatch(Rows { expansion: self, cluster, take });
+    }
+
+    /// Expands the bases of one cluster into the colour frame: `take(pair, values)` gets `[channel, basis]`, bases padded.
+    ///
+    /// Cost: that of [`Expansion::rows`], and nine multiply-adds a basis and pair.
+    pub(crate) fn frame_rows(&self, cluster: usize, mut take: impl FnMut(usize, &[f32])) {
+        let (padded, lights) = (self.padded(), self.residual.factors.shape[1]);
+        let mut turned = vec![0.0f32; 3 * padded];
+        self.rows(cluster, |view, rows| {
+            for (light, rgb) in rows.chunks_exact(3 * padded).enumerate() {
+                for (out, frame) in turned.chunks_exact_mut(padded).zip(COLOUR_FRAME) {
+                    for (i, out) in out.iter_mut().enumerate() {
+                        let value = frame[0] * rgb[i] + frame[1] * rgb[padded + i] + frame[2] * rgb[2 * padded + i];
+                        *out = value.clamp(-MAX_VALUE, MAX_VALUE);
+                    }
+                }
+                take(view * lights + light, &turned);
+            }
+        });
     }
 }
 

@@ -9,100 +9,12 @@
 //! docs/reference/format.md, chapter "Packed bases", has the layout.
 
 use crate::asset::asset::{Asset, Layer};
-use crate::asset::residual::COLOUR_FRAME;
-use crate::decode::packed_sum::packed_bend;
 use crate::resident::expansion::Expansion;
-use crate::resident::packed_widths::{ChosenCluster, chosen_clusters, chosen_noise, spreads};
+use crate::resident::packed_part::{
+    PACKED_PLACES, PLACE_WORDS, PackedBasis, WORD_BITS, code_words, packed_number, row_words,
+};
+use crate::resident::packed_widths::{ChosenCluster, PackedGoal, chosen_clusters, chosen_noise, spreads};
 use crate::threads::{Threads, map};
-use half::f16;
-
-/// Number of words before the places of the clusters' rows: unit (f32), bases, offset of the words of the bases, zero.
-pub const PACKED_PLACES: usize = 4;
-/// Number of words of a cluster's place: offset of its rows, words of a row, words of a texel's codes.
-pub const PLACE_WORDS: usize = 3;
-/// Greatest number of bits of a number.
-pub(crate) const MAX_WIDTH: u32 = 15;
-/// Largest size of a number of a basis, so that every decoded value is finite.
-const MAX_NUMBER: f32 = 1e6;
-/// Largest size of a number that is packed.
-const MAX_PACKED: f32 = 65504.0;
-/// Largest unit of a layer's steps.
-pub(crate) const MAX_UNIT: f32 = 1e9;
-/// Bits of a word.
-pub(crate) const WORD_BITS: u32 = u32::BITS;
-
-/// What packed bases may cost.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum PackedGoal {
-    /// Most bytes of the whole resident form.
-    Bytes(u64),
-    /// Root mean square of what the residual may change by at the measured pairs, in its curve.
-    Noise(f32),
-}
-
-/// What a decoder knows of a basis of a cluster, as its word holds it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct PackedBasis {
-    /// Step, in units of the layer.
-    pub step: f16,
-    /// Bits of a number of each channel of the colour frame; 0 where all are 0.
-    pub widths: [u32; 3],
-    /// Bits of a texel's code; 0 for the mean, and where all are 0.
-    pub code_width: u32,
-}
-
-impl PackedBasis {
-    /// Returns the word.
-    fn to_word(self) -> u32 {
-        let [a, b, c] = self.widths;
-        u32::from(self.step.to_bits()) | a << 16 | b << 20 | c << 24 | self.code_width << 28
-    }
-
-    /// Reads a word.
-    pub(crate) fn from_word(word: u32) -> PackedBasis {
-        let [a, b, c, code_width] = [16, 20, 24, 28].map(|shift| word >> shift & 0xf);
-        PackedBasis { step: f16::from_bits(word as u16), widths: [a, b, c], code_width }
-    }
-
-    /// Returns whether the step is a finite number and not negative, and numbers are at most [`MAX_NUMBER`].
-    pub(crate) fn has_good_step(&self, unit: f32) -> bool {
-        let widest = self.widths.into_iter().max().unwrap_or(0);
-        // The last level is below 5/4 of so many steps.
-        let largest = self.step.to_f32() * unit * 1.25 * (1 << widest) as f32 / 2.0;
-        self.step.is_finite() && self.step.is_sign_positive() && largest <= MAX_NUMBER
-    }
-
-    /// Returns whether a component's code has at most 8 bits, and numbers only where there is a code.
-    pub(crate) fn has_good_widths(&self) -> bool {
-        self.code_width <= 8 && (self.code_width > 0 || self.widths == [0; 3])
-    }
-}
-
-/// Returns the number of words of a row of these bases.
-pub(crate) fn row_words(bases: &[PackedBasis]) -> usize {
-    bases.iter().flat_map(|basis| basis.widths).sum::<u32>().div_ceil(WORD_BITS) as usize
-}
-
-/// Returns the number of words of a texel's codes of these bases.
-pub(crate) fn code_words(bases: &[PackedBasis]) -> usize {
-    bases.iter().map(|basis| basis.code_width).sum::<u32>().div_ceil(WORD_BITS) as usize
-}
-
-/// Returns the level of a number of `width` bits, at least 1, in steps.
-pub(crate) fn packed_level(number: i32, width: u32) -> f32 {
-    let place = number as f32 + 0.5;
-    place * (0.5 + packed_bend(width) * place.abs())
-}
-
-/// Returns the number of `width` bits, at least 1, whose level is nearest to `value`, in steps.
-pub(crate) fn packed_number(value: f32, width: u32) -> i32 {
-    let bend = packed_bend(width);
-    // Halfway between two levels lies `0.5 i + bend (i^2 + 1/4)`, solved for i.
-    let beyond = (value.abs() - bend / 4.0).max(0.0);
-    let place = 2.0 * beyond / (0.5 + (0.25 + 4.0 * bend * beyond).sqrt());
-    let number = (place as i32).min((1 << (width - 1)) - 1);
-    if value < 0.0 { -1 - number } else { number }
-}
 
 /// Writes the low `width` bits of `code` behind the first `bit` bits of `words`.
 fn push_bits(words: &mut [u32], bit: u32, width: u32, code: i32) {
@@ -138,23 +50,6 @@ pub(crate) fn packed_bases(asset: &Asset, goal: PackedGoal, threads: Threads) ->
             packed_layer(layer, &chosen, unit, threads)
         })
         .collect()
-}
-
-/// Calls `take(pair, values)` with the bases of `cluster` in the colour frame, `[channel, basis]`, bases padded.
-pub(crate) fn frame_rows(expansion: &Expansion, cluster: usize, lights: usize, mut take: impl FnMut(usize, &[f32])) {
-    let padded = expansion.padded();
-    let mut turned = vec![0.0f32; 3 * padded];
-    expansion.rows(cluster, |view, rows| {
-        for (light, rgb) in rows.chunks_exact(3 * padded).enumerate() {
-            for (out, frame) in turned.chunks_exact_mut(padded).zip(COLOUR_FRAME) {
-                for (i, out) in out.iter_mut().enumerate() {
-                    let value = frame[0] * rgb[i] + frame[1] * rgb[padded + i] + frame[2] * rgb[2 * padded + i];
-                    *out = value.clamp(-MAX_PACKED, MAX_PACKED);
-                }
-            }
-            take(view * lights + light, &turned);
-        }
-    });
 }
 
 /// Packs the bases of a layer; `None` without a residual.
@@ -198,8 +93,8 @@ fn packed_rows(expansion: &Expansion, cluster: usize, layer: &Layer, bases: &[Pa
     let [lights, length] = [layer.lights.len(), row_words(bases)];
     let mut words = vec![0u32; layer.views.len() * lights * length];
     let padded = expansion.padded();
-    let inverses: Vec<f32> = bases.iter().map(|basis| 1.0 / (basis.step.to_f32() * unit).max(1e-38)).collect();
-    frame_rows(expansion, cluster, lights, |pair, values| {
+    let inverses: Vec<f32> = bases.iter().map(|basis| 1.0 / (basis.step() * unit).max(1e-38)).collect();
+    expansion.frame_rows(cluster, |pair, values| {
         let row = &mut words[pair * length..(pair + 1) * length];
         let mut bit = 0;
         for (j, (basis, inverse)) in bases.iter().zip(&inverses).enumerate() {
@@ -218,8 +113,8 @@ mod tests {
     use crate::asset::residual::ResidualKind;
     use crate::decode::decode::{decode, decode_single};
     use crate::decode::options::{DecodeOptions, Interpolation};
-    use crate::decode::packed_sum::packed_bits;
     use crate::levels::levels::with_levels;
+    use crate::resident::packed_part::packed_bits;
     use crate::resident::resident::Resident;
     use crate::resident::single::SingleBases;
     use crate::testing::{Random, sample_asset, sample_grouped_asset, sample_relief_asset};
@@ -330,26 +225,6 @@ mod tests {
         for (width, code) in numbers {
             assert_eq!(packed_bits(&words, bit, width), code);
             bit += width;
-        }
-        let basis = PackedBasis { step: f16::from_f32(0.37), widths: [15, 0, 3], code_width: 8 };
-        assert_eq!(PackedBasis::from_word(basis.to_word()), basis);
-    }
-
-    #[test]
-    fn a_value_gets_the_nearest_level() {
-        for width in 1..=MAX_WIDTH {
-            let end = 1 << (width - 1);
-            for number in -end..end {
-                let level = packed_level(number, width);
-                assert_eq!(packed_number(level, width), number, "{width}");
-                // Halfway to the next level.
-                let next = packed_level(number + 1, width);
-                if number + 1 < end && number != -1 {
-                    let near = |share: f32| packed_number(level + share * (next - level), width);
-                    assert_eq!([near(0.45), near(0.55)], [number, number + 1], "{width} {number}");
-                }
-            }
-            assert_eq!([-1e9, 1e9].map(|value| packed_number(value, width)), [-end, end - 1]);
         }
     }
 }

@@ -8,9 +8,8 @@
 
 use crate::asset::asset::Asset;
 use crate::resident::expansion::Expansion;
-use crate::resident::packed_bases::{
-    MAX_WIDTH, PACKED_PLACES, PLACE_WORDS, PackedBasis, PackedGoal, WORD_BITS, code_words, frame_rows, packed_level,
-    packed_number, row_words,
+use crate::resident::packed_part::{
+    MAX_WIDTH, PACKED_PLACES, PLACE_WORDS, PackedBasis, WORD_BITS, code_words, packed_level, packed_number, row_words,
 };
 use crate::threads::{Threads, map};
 use half::f16;
@@ -37,6 +36,22 @@ const BIT_PRICE: f64 = std::f64::consts::LN_2 / 6.0;
 const STEP_RANGE: [f64; 2] = [1.0 / 16384.0, 32768.0];
 /// Halvings of the interval in which the step is searched for.
 const HALVINGS: usize = 20;
+
+/// What packed bases may cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PackedGoal {
+    /// Most bytes of the whole resident form.
+    Bytes(u64),
+    /// Root mean square of what the residual may change by at the measured pairs, in its curve.
+    Noise(f32),
+}
+
+impl PackedGoal {
+    /// Returns the noise that leaves a PSNR of `db`, with a residual of 1 as peak.
+    pub fn of_psnr(db: f32) -> PackedGoal {
+        PackedGoal::Noise(10f32.powf(-db / 20.0))
+    }
+}
 
 /// What rounding leaves of a value, squared, in squared steps: the mean over a class of values.
 struct Errors(Vec<f32>);
@@ -247,7 +262,7 @@ pub(crate) fn spreads(asset: &Asset, number: usize, threads: Threads) -> Vec<Spr
         let mut squares = vec![0.0f64; 3 * bases];
         let mut peaks = vec![0.0f32; bases];
         if texels[cluster] > 0 {
-            frame_rows(&expansion, cluster, layer.lights.len(), |_, rows| {
+            expansion.frame_rows(cluster, |_, rows| {
                 for (channel, row) in rows.chunks_exact(expansion.padded()).enumerate() {
                     for (basis, value) in row.iter().take(bases).enumerate() {
                         let place = 3 * basis + channel;

@@ -2,10 +2,9 @@
 
 use crate::asset::asset::Asset;
 use crate::asset::residual::COLOUR_FRAME;
-use crate::decode::options::DecodeOptions;
-use crate::decode::texel::Texel;
 use crate::resident::expansion::Expansion;
-use crate::resident::layout::block;
+use crate::resident::layout::{ASSET_LAYERS, block};
+use crate::resident::packed_part::PackedPart;
 use crate::resident::resident::Resident;
 use crate::threads::{Threads, fill};
 
@@ -38,18 +37,20 @@ impl SingleBases {
     /// Returns the packed bases of `resident` ([`Resident::packed_on`]) as single numbers, in the same order; empty for
     /// layers whose bases are not packed.
     pub fn of_packed(resident: &Resident, threads: Threads) -> SingleBases {
+        let words = resident.words();
         let layers = (0..resident.layers()).map(|layer| {
-            let t = Texel::new(resident, layer, 0, &DecodeOptions::default());
-            if !t.is_packed() {
+            if !resident.is_packed(layer) {
                 return Vec::new();
             }
-            let padded = t.bases.next_multiple_of(2);
-            let [clusters, pairs] = [t.field(block::CLUSTERS), t.field(block::PAIRS)];
-            let mut values = vec![0.0f32; clusters * pairs * 3 * padded];
+            let at = words[ASSET_LAYERS + layer as usize] as usize;
+            let field = |field: usize| words[at + field] as usize;
+            let (bases, pairs) = (field(block::BASES), field(block::PAIRS));
+            let padded = bases.next_multiple_of(2);
+            let part = PackedPart::new(words, field(block::BASIS));
+            let mut values = vec![0.0f32; field(block::CLUSTERS) * pairs * 3 * padded];
             fill(threads, &mut values, pairs * 3 * padded, |cluster, values| {
-                let t = Texel { cluster, ..t };
                 for (pair, rgb) in values.chunks_exact_mut(3 * padded).enumerate() {
-                    t.unpack_row(t.packed_row(0, pair as u32), |basis, channel, value| {
+                    part.unpack(cluster, pair, bases, |basis, channel, value| {
                         (0..3).for_each(|c| rgb[c * padded + basis] += COLOUR_FRAME[channel][c] * value);
                     });
                 }

@@ -1,8 +1,11 @@
 //! The options of every command that renders: backend, decoder, light, threads.
 
-use btf_runtime::{DecodeOptions, HeightUse, Interpolation};
-use btf_viewer::{BackendChoice, GpuTracer, RenderMode, ShadeOptions, SkyLight};
+use super::parse::parse_positive;
+use btf_capture::bytes_from_text;
+use btf_runtime::{DecodeOptions, HeightUse, Interpolation, PackedGoal};
+use btf_viewer::{BackendChoice, GpuTracer, RenderMode, SceneAsset, ShadeOptions, SkyLight};
 use clap::ValueEnum;
+use std::sync::Arc;
 
 /// Options of every command that renders.
 #[derive(clap::Args)]
@@ -45,6 +48,12 @@ pub(super) struct RenderArguments {
     /// How a sky lights surfaces: by rays to its parts, or by the irradiance of the normal times how much is open
     #[arg(long, value_enum, default_value_t = SkyLight::Rays)]
     pub(super) sky: SkyLight,
+    /// Hold each asset with packed bases in at most this size of memory, such as 15MB
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text)]
+    pub(super) resident_bytes: Option<u64>,
+    /// Hold each asset with packed bases, whose residual departs from the whole asset's by this PSNR, dB
+    #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with = "resident_bytes")]
+    pub(super) resident_psnr: Option<f32>,
     /// Threads of the CPU decoder [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(super) threads: Option<u32>,
@@ -72,6 +81,13 @@ impl RenderArguments {
             levels: !self.no_levels,
             sky: self.sky,
         }
+    }
+
+    /// Packs assets, where the options ask for it.
+    pub(super) fn pack(&self, assets: &mut [Arc<SceneAsset>]) {
+        let bytes = self.resident_bytes.map(PackedGoal::Bytes);
+        let Some(goal) = bytes.or_else(|| self.resident_psnr.map(PackedGoal::of_psnr)) else { return };
+        assets.iter_mut().for_each(|asset| *asset = Arc::new(asset.packed(goal)));
     }
 
     pub(super) fn backend(&self) -> BackendChoice {

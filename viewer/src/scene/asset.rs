@@ -2,7 +2,9 @@
 
 use crate::error::ViewerError;
 use btf_capture::SharedBytes;
-use btf_runtime::{Asset, Edits, FormatError, HeightField, Resident, ResidentFile, SurfaceSide, with_levels};
+use btf_runtime::{
+    Asset, Edits, FormatError, HeightField, PackedGoal, Resident, ResidentFile, SurfaceSide, with_levels,
+};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -21,8 +23,11 @@ pub struct SceneAsset {
     pub size_mm: Option<[f32; 2]>,
     /// The asset in its file form; `None` where only the resident form is at hand.
     pub file: Option<FileForm>,
-    /// The asset with its levels in resident form; the bases of one that came in file form are zeros.
+    /// The asset with its levels in resident form; the bases of one that came in file form are zeros, unless they are
+    /// packed.
     head: Resident,
+    /// Whether `head` has the bases.
+    has_bases: bool,
     /// The asset with its bases, once somebody has asked for them.
     expanded: OnceLock<Resident>,
     most_lobes: u32,
@@ -86,7 +91,16 @@ impl SceneAsset {
     fn of_resident(name: String, file: ResidentFile) -> SceneAsset {
         let (head, size_mm) = (file.resident, file.size_mm);
         let most_lobes = head.most_lobes();
-        SceneAsset { name, path: None, size_mm, file: None, head, expanded: OnceLock::new(), most_lobes }
+        SceneAsset {
+            name,
+            path: None,
+            size_mm,
+            file: None,
+            head,
+            has_bases: true,
+            expanded: OnceLock::new(),
+            most_lobes,
+        }
     }
 
     /// Returns the file form, for what needs it.
@@ -122,13 +136,22 @@ impl SceneAsset {
             size_mm,
             file: Some(FileForm { asset, whole }),
             head,
+            has_bases: false,
             expanded: OnceLock::new(),
             most_lobes,
         }
     }
 
+    /// Returns the asset with packed bases ([`Resident::packed_on`]), for a scene that is to take little memory; one that
+    /// came in resident form stays as it is. Cost: two expansions of the bases, on all threads.
+    pub fn packed(&self, goal: PackedGoal) -> SceneAsset {
+        let Some(file) = &self.file else { return self.clone() };
+        let head = Resident::packed_on(&file.whole, goal, &parallel);
+        SceneAsset { head, has_bases: true, expanded: OnceLock::new(), ..self.clone() }
+    }
+
     /// Returns the asset with its levels in resident form, but for the bases: those of one that came in file form are
-    /// zeros.
+    /// zeros, unless they are packed.
     pub fn head(&self) -> &Resident {
         &self.head
     }
@@ -136,7 +159,7 @@ impl SceneAsset {
     /// Returns the asset with its levels in resident form, as decoders on the CPU take it. Cost: the first time, for
     /// one that came in file form, its bases are expanded on all threads.
     pub fn resident(&self) -> &Resident {
-        let Some(file) = &self.file else { return &self.head };
+        let Some(file) = self.file.as_ref().filter(|_| !self.has_bases) else { return &self.head };
         self.expanded.get().unwrap_or_else(|| {
             // Made before the cell is locked: a thread that waits for others may take up work that asks for this as
             // well.
@@ -147,7 +170,7 @@ impl SceneAsset {
 
     /// Tells whether [`SceneAsset::resident`] has its bases at hand.
     pub fn is_expanded(&self) -> bool {
-        self.file.is_none() || self.expanded.get().is_some()
+        self.has_bases || self.expanded.get().is_some()
     }
 
     /// Puts `edits` in place of those at hand, where the file form is at hand.
@@ -179,5 +202,26 @@ impl SceneAsset {
     /// not tell.
     pub fn tiles_per_mm(&self) -> [f32; 2] {
         self.size_mm.unwrap_or([UNKNOWN_SIZE_MM; 2]).map(|size| 1.0 / size)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use btf_runtime::Edit;
+
+    #[test]
+    fn packed_assets_hold_their_bases_in_fewer_words_and_take_edits() {
+        let whole = SceneAsset::built_in();
+        let mut packed = whole.packed(PackedGoal::Noise(0.01));
+        assert!(packed.is_expanded() && packed.resident().is_packed(0) && !whole.resident().is_packed(0));
+        assert!(packed.resident().words().len() < whole.resident().words().len() / 2);
+        assert_eq!(packed.resident(), packed.head());
+        let texels = vec![1; packed.head().width() as usize * packed.head().height() as usize];
+        packed.set_edits(Edits { list: vec![Edit { tint: [0.5; 3], ..Edit::default() }], texels });
+        assert!(!packed.resident().edited_ranges().is_empty());
+        assert_eq!(packed.file_form().unwrap().asset.edits.list.len(), 1);
+        // Nothing was written in place of the bases.
+        assert!(packed.resident().is_packed(0));
     }
 }
