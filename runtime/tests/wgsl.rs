@@ -199,7 +199,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
             include_str!("../src/decode/decode.rs"),
             "decode.wgsl",
             "btf_",
-            &["btf_layers", "btf_levels", "btf_size", "btf_texel", "btf_layer_for_sides"],
+            &["btf_layers", "btf_levels", "btf_size", "btf_texel", "btf_texel_between", "btf_layer_for_sides"],
         ),
         (include_str!("../src/decode/evaluate.rs"), "evaluate.wgsl", "btf_", &[]),
         (include_str!("../src/leaf/theta.rs"), "leaf_theta.wgsl", "leaf_", &[]),

@@ -57,7 +57,7 @@ pub use light::daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use light::environment::{Environment, MAX_COLUMNS};
 pub use light::solar_spectrum::WHITE_ILLUMINANCE_LUX;
 pub use light::sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
-pub use options::{DecoderForm, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
+pub use options::{DecoderForm, Filter, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
 pub use picture::{Picture, PixelHit};
 pub use render::control::Control;
 pub use render::governor::Spending;

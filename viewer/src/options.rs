@@ -18,8 +18,21 @@ pub struct ShadeOptions {
     /// nearest level at first, then levels at random, in the mean between the two nearest. Traced paths, the reference,
     /// take the finest level always.
     pub levels: bool,
+    /// Texels that an asset's place is shaded by.
+    pub filter: Filter,
     /// The way in which a sky lights surfaces, where no path goes on to it.
     pub sky: SkyLight,
+}
+
+/// The texels by which a place of an asset is shaded. (A live leaf's textures are always interpolated.)
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Filter {
+    /// The nearest one: a magnified picture has edges between its texels.
+    Nearest,
+    /// Where texels are larger than pixels, one of the four around, anew for each sample, in the mean their bilinear
+    /// interpolation [pharr2024]; the nearest in a picture's first sample.
+    #[default]
+    Stochastic,
 }
 
 /// A way in which a sky lights a surface.
@@ -97,6 +110,7 @@ impl Default for ShadeOptions {
             light_samples: 64,
             depth: 4,
             levels: true,
+            filter: Filter::default(),
             sky: SkyLight::default(),
         }
     }

@@ -25,6 +25,18 @@ fn btf_texel(base: u32, layer: u32, uv: vec2<f32>) -> u32 {
     return xy.y * size.x + xy.x;
 }
 
+// Returns one of the four texels around a texture coordinate, drawn by two numbers in [0, 1): values at evenly spread
+// numbers have the bilinear interpolation of the four as their mean. With 0.5 twice it is the nearest one.
+fn btf_texel_between(base: u32, layer: u32, uv: vec2<f32>, at: vec2<f32>) -> u32 {
+    let size = btf_size(base, layer);
+    let sides = vec2<f32>(size);
+    var moved = floor(vec2<f32>(fract(uv.x), fract(1.0 - uv.y)) * sides + (at - 0.5));
+    // Moved by one texel at most.
+    moved = select(moved, moved + sides, moved < vec2<f32>(0.0));
+    moved = select(moved, vec2<f32>(0.0), moved >= sides);
+    return u32(moved.y) * size.x + u32(moved.x);
+}
+
 // Returns the number that decoders take of the layer for a light and an eye on these sides (1: back) at a level, 0 the
 // finest; NO_LAYER where the asset has none.
 fn btf_layer_for_sides(base: u32, level: u32, light_side: u32, view_side: u32) -> u32 {

@@ -207,4 +207,48 @@ impl Resident {
         let y = ((wrap(1.0 - uv[1]) * rows as f32) as u32).min(rows - 1);
         y * width + x
     }
+
+    /// Returns one of the four texels of `layer` around a texture coordinate, drawn by two numbers `at` in [0, 1): values at
+    /// evenly spread numbers have the bilinear interpolation of the four texels' values as their mean. (Filtering after
+    /// shading [pharr2024].) With 0.5 twice it is the nearest one. Twin: `btf_texel_between`.
+    pub fn texel_between(&self, layer: u32, uv: [f32; 2], at: [f32; 2]) -> u32 {
+        let [width, rows] = self.size(layer);
+        let wrap = |x: f32| x - x.floor();
+        let place = |x: f32, at: f32, count: u32| {
+            let moved = (wrap(x) * count as f32 + (at - 0.5)).floor();
+            // Moved by one texel at most.
+            let moved = if moved < 0.0 { moved + count as f32 } else { moved };
+            if moved >= count as f32 { 0 } else { moved as u32 }
+        };
+        place(1.0 - uv[1], at[1], rows) * width + place(uv[0], at[0], width)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::residual::ResidualKind;
+    use crate::testing::sample_asset;
+
+    #[test]
+    fn texels_between_are_drawn_with_bilinear_weights() {
+        let resident = Resident::from_asset(&sample_asset(1, 6, 5, ResidualKind::Root));
+        for uv in [[0.31, 0.77], [0.02, 0.99], [-3.2, 5.01], [0.999, 0.001]] {
+            assert_eq!(resident.texel_between(0, uv, [0.5; 2]), resident.texel(0, uv));
+            let mut counts = [0u32; 30];
+            for (i, j) in (0..100).flat_map(|i| (0..100).map(move |j| (i, j))) {
+                let at = [i, j].map(|x| (x as f32 + 0.5) / 100.0);
+                counts[resident.texel_between(0, uv, at) as usize] += 1;
+            }
+            // Bilinear weights of the middles of texels, repeated.
+            let place = [uv[0] * 6.0 - 0.5, (1.0 - uv[1]) * 5.0 - 0.5];
+            let [x, y] = place.map(f32::floor);
+            for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+                let weight = (1.0 - (place[0] - x - dx).abs()) * (1.0 - (place[1] - y - dy).abs());
+                let texel = (y + dy).rem_euclid(5.0) as usize * 6 + (x + dx).rem_euclid(6.0) as usize;
+                assert!((counts[texel] as f32 / 1e4 - weight).abs() < 0.02, "{uv:?} {texel}: {counts:?} {weight}");
+            }
+            assert_eq!(counts.iter().sum::<u32>(), 10_000);
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use super::parse::parse_positive;
 use btf_capture::bytes_from_text;
 use btf_runtime::{DecodeOptions, HeightUse, Interpolation, PackedGoal};
-use btf_viewer::{BackendChoice, GpuTracer, RenderMode, SceneAsset, ShadeOptions, SkyLight};
+use btf_viewer::{BackendChoice, Filter, GpuTracer, RenderMode, SceneAsset, ShadeOptions, SkyLight};
 use clap::ValueEnum;
 use std::sync::Arc;
 
@@ -45,6 +45,9 @@ pub(super) struct RenderArguments {
     /// Always the finest texels, however small they are in the picture
     #[arg(long)]
     pub(super) no_levels: bool,
+    /// Which of an asset's texels are shaded: the nearest, or one of the four around, in the mean their interpolation
+    #[arg(long, value_enum, default_value_t = Filter::default())]
+    pub(super) filter: Filter,
     /// How a sky lights surfaces: by rays to its parts, or by the irradiance of the normal times how much is open
     #[arg(long, value_enum, default_value_t = SkyLight::Rays)]
     pub(super) sky: SkyLight,
@@ -79,6 +82,7 @@ impl RenderArguments {
             light_samples: self.light_samples,
             depth: self.depth,
             levels: !self.no_levels,
+            filter: self.filter,
             sky: self.sky,
         }
     }

@@ -70,7 +70,8 @@ impl Shader<'_> {
                 break;
             }
             path.travelled += hit.t;
-            let (s, relief) = self.surface_of(&hit, sunk, path.direction);
+            let (mut s, relief) = self.surface_of(&hit, sunk, path.direction);
+            s.texel_at = self.texel_numbers(&s, path.travelled, vertex);
             let material = &self.scene.materials[s.material];
             let numbers = LightNumbers {
                 ambient_at: self.two_numbers(vertex, Numbers::Ambient),

@@ -45,8 +45,9 @@ fn light_pass(at: vec2<u32>) {
     }
     var relief: Relief;
     var point = vec3<f32>(0.0);
-    let s = surface_of(path, &relief, &point);
+    var s = surface_of(path, &relief, &point);
     var pixel = pixels[index];
+    s.texel_at = texel_numbers(s, path.travelled, whole_picture(at), pixel.depth);
     let numbers = LightNumbers(
         sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, AMBIENT_NUMBERS)),
         sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, SUN_NUMBERS)),
@@ -102,8 +103,9 @@ fn scatter_pass(at: vec2<u32>) {
     }
     var relief: Relief;
     var point = vec3<f32>(0.0);
-    let s = surface_of(path, &relief, &point);
+    var s = surface_of(path, &relief, &point);
     let depth = pixels[index].depth;
+    s.texel_at = texel_numbers(s, path.travelled, whole_picture(at), depth);
     let scatter_at = sampler_two(frame.sample, seed_of(whole_picture(at), depth, SCATTER_NUMBERS));
     let choice = sampler_two(frame.sample, seed_of(whole_picture(at), depth, CHOICE_NUMBERS));
     let material = materials[s.material];

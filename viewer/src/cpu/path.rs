@@ -21,6 +21,7 @@ pub(crate) enum Numbers {
     VolumeChoice = 5,
     VolumeScatter = 6,
     VolumeLight = 7,
+    Texel = 8,
 }
 
 /// A vertex of the path through a pixel.

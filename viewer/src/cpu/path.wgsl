@@ -6,6 +6,7 @@ const SCATTER_NUMBERS: u32 = 1u;
 const CHOICE_NUMBERS: u32 = 2u;
 const LIGHT_NUMBERS: u32 = 3u;
 const SUN_NUMBERS: u32 = 4u;
+const TEXEL_NUMBERS: u32 = 8u;
 // Least probability with which Russian roulette keeps a path.
 const MIN_KEPT: f32 = 0.05;
 

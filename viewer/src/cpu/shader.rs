@@ -4,7 +4,7 @@ use crate::cpu::path::{Numbers, PathVertex, seed_of};
 use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::lod_transition::LodTransition;
 use crate::geometry::surface::Surface;
-use crate::options::ShadeOptions;
+use crate::options::{Filter, RenderMode, ShadeOptions};
 use crate::sampler;
 use crate::scene::camera::CameraFrame;
 use crate::scene::material::{Body, Material};
@@ -67,6 +67,22 @@ impl Shader<'_> {
     /// many. Rays miss narrower ones, and wider ones blur (docs/results/voltex.md).
     pub(crate) fn ray_width(&self) -> f32 {
         self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MAX_RAYS_ACROSS)
+    }
+
+    /// Returns the numbers by which one of the texels around a vertex is taken, `travelled` from the eye: the nearest where
+    /// texels are as small as pixels or smaller, any of the four from two pixels a texel on. The first sample of a picture
+    /// takes the nearest, but for traced paths.
+    pub(crate) fn texel_numbers(&self, s: &Surface, travelled: f32, vertex: PathVertex) -> [f32; 2] {
+        let drawn = self.sample > 0 || self.options.mode == RenderMode::Path;
+        let Body::Asset(asset) = self.scene.materials[s.material].body else { return [0.5; 2] };
+        if self.options.filter == Filter::Nearest || !drawn {
+            return [0.5; 2];
+        }
+        let head = self.scene.assets[asset].head();
+        let size = [head.width() as f32, head.height() as f32];
+        let texels = self.texels_of_pixel(s, &self.scene.materials[s.material], size, travelled);
+        let part = (-texels.log2()).clamp(0.0, 1.0);
+        self.two_numbers(vertex, Numbers::Texel).map(|at| 0.5 + part * (at - 0.5))
     }
 
     /// Returns the nearest hit of a mesh, or any hit, before `t_max`.
@@ -136,13 +152,19 @@ impl Shader<'_> {
                 (leaf.size().map(|side| side as f32), leaf.levels())
             }
         };
+        let texels = self.texels_of_pixel(s, material, size, travelled);
+        let part = if self.sample > 0 { sampler::one(seed ^ LEVEL_CHOICE) } else { 0.5 };
+        let level = (texels.log2() + part).floor();
+        (level.max(0.0) as u32).min(levels - 1)
+    }
+
+    /// Returns how many of the finest texels, `size` a picture, lie along a pixel's side on the surface, `travelled` from the
+    /// eye; 1e-6 to 1e6.
+    fn texels_of_pixel(&self, s: &Surface, material: &Material, size: [f32; 2], travelled: f32) -> f32 {
         // Side of a square of the area that the pixel sees.
         let width = travelled * self.camera.pixel_width() / s.wo.z.abs().sqrt();
         let tiles = Vec2::from(size) * Vec2::from(material.uv_scale).abs();
-        let texels = width * s.texture_per_unit * (tiles.x * tiles.y).sqrt();
-        let part = if self.sample > 0 { sampler::one(seed ^ LEVEL_CHOICE) } else { 0.5 };
-        let level = (texels.clamp(1e-6, 1e6).log2() + part).floor();
-        (level.max(0.0) as u32).min(levels - 1)
+        (width * s.texture_per_unit * (tiles.x * tiles.y).sqrt()).clamp(1e-6, 1e6)
     }
 
     /// Returns the view-dependent half of the leaf that a material shows at a point, if it shows one.
@@ -178,7 +200,8 @@ impl Shader<'_> {
             Body::Asset(asset) => {
                 let resident = self.scene.assets[asset].resident();
                 let layer = resident.layer_for_sides(level, light_back.into(), s.view_back.into())?;
-                let texel = resident.texel(layer, (s.uv * Vec2::from(material.uv_scale)).to_array());
+                let uv = (s.uv * Vec2::from(material.uv_scale)).to_array();
+                let texel = resident.texel_between(layer, uv, s.texel_at);
                 let viewed = ViewedTexel::new(resident, layer, texel, s.wo.to_array(), &self.options.decode);
                 Some(ViewedBody::Asset(Box::new(viewed), material.tint.into()))
             }

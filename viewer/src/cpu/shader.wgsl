@@ -38,6 +38,20 @@ fn ray_width() -> f32 {
     return frame.pixel_width / min(sqrt(f32(frame.sample + 1u)), MAX_RAYS_ACROSS);
 }
 
+// Returns the numbers by which one of the texels around a vertex is taken, `travelled` from the eye: the nearest where
+// texels are as small as pixels or smaller, any of the four from two pixels a texel on. The first sample of a picture
+// takes the nearest, but for traced paths.
+fn texel_numbers(s: Surface, travelled: f32, pixel: vec2<u32>, depth: u32) -> vec2<f32> {
+    let material = materials[s.material];
+    let drawn = frame.sample > 0u || frame.mode == MODE_PATH;
+    if !with_assets || material.asset == NO_ASSET || frame.filtered == 0u || !drawn {
+        return vec2<f32>(0.5);
+    }
+    let texels = texels_of_pixel(s, material, btf_size(material.asset, 0u), travelled);
+    let part = clamp(-log2(texels), 0.0, 1.0);
+    return 0.5 + part * (sampler_two(frame.sample, seed_of(pixel, depth, TEXEL_NUMBERS)) - 0.5);
+}
+
 // What a ray meets, displacement included.
 struct DisplacedHit {
     hit: Hit,
@@ -113,16 +127,22 @@ fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
         size = btf_size(material.asset, 0u);
         levels = btf_levels(material.asset);
     }
-    // Side of a square of the area that the pixel sees.
-    let width = travelled * frame.pixel_width * inverseSqrt(abs(s.wo.z));
-    let tiles = vec2<f32>(size) * abs(material.uv_scale);
-    let texels = width * s.texture_per_unit * sqrt(tiles.x * tiles.y);
+    let texels = texels_of_pixel(s, material, size, travelled);
     var part = 0.5;
     if frame.sample > 0u {
         part = sampler_one(seed ^ LEVEL_CHOICE);
     }
-    let level = floor(log2(clamp(texels, 1e-6, 1e6)) + part);
+    let level = floor(log2(texels) + part);
     return min(u32(max(level, 0.0)), levels - 1u);
+}
+
+// Returns how many of the finest texels, `size` a picture, lie along a pixel's side on the surface, `travelled` from the
+// eye; 1e-6 to 1e6.
+fn texels_of_pixel(s: Surface, material: Material, size: vec2<u32>, travelled: f32) -> f32 {
+    // Side of a square of the area that the pixel sees.
+    let width = travelled * frame.pixel_width * inverseSqrt(abs(s.wo.z));
+    let tiles = vec2<f32>(size) * abs(material.uv_scale);
+    return clamp(width * s.texture_per_unit * sqrt(tiles.x * tiles.y), 1e-6, 1e6);
 }
 
 // Returns the view-dependent half of the leaf that a material shows at a point; nothing that is read where it shows

@@ -28,6 +28,8 @@ pub(crate) struct Surface {
     /// Unit direction to the eye, texel frame.
     pub wo: Vec3,
     pub uv: Vec2,
+    /// Numbers by which one of the texels around `uv` is taken; 0.5 twice for the nearest.
+    pub texel_at: [f32; 2],
     /// Length of the texture on a unit of length, in the mean over the triangle.
     pub texture_per_unit: f32,
     /// Origins of rays that leave on the front, and on the back.
@@ -135,6 +137,7 @@ impl Surface {
             normal,
             wo: wo.normalize(),
             uv: mix(|vertex| Vec3::new(vertex.u, vertex.v, 0.0)).truncate(),
+            texel_at: [0.5; 2],
             texture_per_unit: texture_per_unit(&corners, (b - a).cross(c - a).length()),
             above: offset_along(lift(position, weights, &corners, 1.0), flat),
             below: offset_along(lift(position, weights, &corners, -1.0), -flat),

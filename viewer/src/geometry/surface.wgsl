@@ -30,6 +30,8 @@ struct Surface {
     // Towards the eye, in that frame.
     wo: vec3<f32>,
     uv: vec2<f32>,
+    // Numbers by which one of the texels around uv is taken; 0.5 twice for the nearest.
+    texel_at: vec2<f32>,
     // Length of the texture on a unit of length, in the mean over the triangle.
     texture_per_unit: f32,
     // Where rays begin that leave on the front, and on the back.
@@ -156,6 +158,7 @@ fn surface_at(hit: Hit, direction: vec3<f32>) -> Surface {
         normal,
         normalize(wo),
         uv,
+        vec2<f32>(0.5),
         texture_per_unit(corners, length(cross(b.position - a.position, c.position - a.position))),
         offset_along(lift(p, weights, corners, 1.0), flat),
         offset_along(lift(p, weights, corners, -1.0), -flat),

@@ -1,6 +1,6 @@
 //! What a frame asks for, and the buffers that a frame reads and writes as shaders see them.
 
-use crate::options::ShadeOptions;
+use crate::options::{Filter, ShadeOptions};
 use crate::picture::PixelHit;
 use crate::scene::camera::jitter;
 use crate::scene::material::{Body, Material};
@@ -64,7 +64,7 @@ pub(crate) struct GpuFrame {
     pub volume_reach: f32,
     pub volume_slice: f32,
     pub widest_leaf: f32,
-    pub pad0: u32,
+    pub filtered: u32,
     pub pad1: u32,
 }
 
@@ -200,7 +200,7 @@ impl GpuFrame {
             volume_reach: volumes.map_or(0.0, |volumes| volumes.reach()),
             volume_slice: volumes.map_or(0.0, |volumes| volumes.slice()),
             widest_leaf: places.widest_leaf,
-            pad0: 0,
+            filtered: (options.filter == Filter::Stochastic).into(),
             pad1: 0,
         }
     }

@@ -106,7 +106,7 @@ fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
     let all = [
         (
             "Frame",
-            fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, heights, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, pad0, pad1),
+            fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, heights, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, filtered, pad1),
         ),
         ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
         ("Triangle", fields!(Triangle; vertices, material)),
@@ -273,6 +273,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("CHOICE_NUMBERS", Numbers::Choice as u32),
         ("LIGHT_NUMBERS", Numbers::Light as u32),
         ("SUN_NUMBERS", Numbers::Sun as u32),
+        ("TEXEL_NUMBERS", Numbers::Texel as u32),
         ("VOLUME_CHOICE_NUMBERS", Numbers::VolumeChoice as u32),
         ("VOLUME_SCATTER_NUMBERS", Numbers::VolumeScatter as u32),
         ("VOLUME_LIGHT_NUMBERS", Numbers::VolumeLight as u32),

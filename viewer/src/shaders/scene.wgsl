@@ -57,7 +57,8 @@ struct Frame {
     volume_slice: f32,
     // How wide leaves of meshes are at most that volumes stand in for, in the world; 0 where there are none.
     widest_leaf: f32,
-    pad0: u32,
+    // 1 draws one of the texels around a place.
+    filtered: u32,
     pad1: u32,
 }
 

@@ -43,7 +43,7 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
         return viewed;
     }
     viewed.kind = BODY_ASSET;
-    viewed.number = btf_texel(material.asset, viewed.layer, s.uv * material.uv_scale);
+    viewed.number = btf_texel_between(material.asset, viewed.layer, s.uv * material.uv_scale, s.texel_at);
     viewed.bare = asset_word(material.asset + asset_word(material.asset + ASSET_LAYERS + viewed.layer) + BLOCK_BASES) == 0u;
     if !whole_decoder || frame.environment.x > 0u {
         viewed.texel = viewed_new(material.asset, viewed.layer, viewed.number, s.wo, decode_options());
