@@ -30,7 +30,7 @@ pub enum Filter {
     /// The nearest one: a magnified picture has edges between its texels.
     Nearest,
     /// Where texels are larger than pixels, one of the four around, anew for each sample, in the mean their bilinear
-    /// interpolation [pharr2024]; the nearest in a picture's first sample.
+    /// interpolation [pharr2024, filtering after shading]; the nearest in a picture's first sample.
     #[default]
     Stochastic,
 }

@@ -2,7 +2,7 @@
 //!
 //! An error in a component counts as often as texels use it, by the square of their coefficients. So the step of component j
 //! in cluster k is `d / (rms of its coefficients * sqrt(texels of the cluster))`, and each bit of each number takes away
-//! about the same error, which is what fewest bytes for an error ask for (reverse water-filling [cover2006], section 10.3.3).
+//! about the same error, which is what fewest bytes for an error ask for (reverse water-filling [cover2006, section 10.3.3]).
 //! Widths follow from how many values of each size there are, counted over all measured pairs, and from a table of what
 //! rounding leaves of a value of that size.
 

@@ -209,8 +209,8 @@ impl Resident {
     }
 
     /// Returns one of the four texels of `layer` around a texture coordinate, drawn by two numbers `at` in [0, 1): values at
-    /// evenly spread numbers have the bilinear interpolation of the four texels' values as their mean. (Filtering after
-    /// shading [pharr2024].) With 0.5 twice it is the nearest one. Twin: `btf_texel_between`.
+    /// evenly spread numbers have the bilinear interpolation of the four texels' values as their mean [pharr2024, filtering
+    /// after shading]. With 0.5 twice it is the nearest one. Twin: `btf_texel_between`.
     pub fn texel_between(&self, layer: u32, uv: [f32; 2], at: [f32; 2]) -> u32 {
         let [width, rows] = self.size(layer);
         let wrap = |x: f32| x - x.floor();
