@@ -99,7 +99,7 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         {
             let path = args.asset.display();
             return Err(Failure::Usage(format!(
-                "{path} is a volumetric texture: --layer, --max-theta, --heatmap, --report and packing are for assets; leave them out"
+                "{path} is a volumetric texture: --layer, --max-theta, --heatmap, --report, --resident-bytes and --resident-psnr are for assets; leave them out"
             )));
         }
         let compared = Compared { model: &args.capture, file: &args.asset, bytes: bytes.len(), volume: &volume };

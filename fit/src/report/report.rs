@@ -14,8 +14,9 @@ use crate::monitor::{Monitor, Stage};
 use crate::params::Role;
 use crate::report::page::{decibel_text, page, tile};
 use crate::report::plot::{bars, finite_range, histogram, legend, line, polar};
-use btf_capture::text_from_bytes;
-use btf_capture::{Capture, CaptureInfo, Direction, DirectionSet, Encoder8, ImageFormat, Pixels, Transfer};
+use btf_capture::{
+    Capture, CaptureInfo, Direction, DirectionSet, Encoder8, ImageFormat, Pixels, Transfer, text_from_bytes,
+};
 use btf_runtime::{Asset, DecodeOptions, Layer, Resident};
 use maud::{Markup, html};
 

@@ -48,9 +48,9 @@ pub fn decode_measured(
             t.packed().unpack(t.cluster, pair, t.bases, |basis, channel, value| {
                 (0..3).for_each(|c| r[c] += COLOUR_FRAME[channel][c] * weights[basis] * value);
             });
-            let decoded = out.iter().zip(r).map(|(s, r)| source.residual_kind.combine(share * s, r, source.epsilon));
-            let decoded: Vec<f32> = decoded.collect();
-            out.copy_from_slice(&decoded);
+            for (out, r) in out.iter_mut().zip(r) {
+                *out = source.residual_kind.combine(share * *out, r, source.epsilon);
+            }
         }
         return;
     }

@@ -35,7 +35,7 @@ impl Resident {
     }
 
     /// Lays out an asset like [`Resident::from_asset_on`], with bases in as few bits as `goal` allows: a renderer then holds
-    /// and reads a tenth of the bytes. Where the goal cannot be met, the bases take the least bytes.
+    /// an eighth of the bytes and reads a quarter. Where the goal cannot be met, the bases take the least bytes.
     ///
     /// Cost: twice that of [`Resident::from_asset_on`], and a search for the step.
     pub fn packed_on(asset: &Asset, goal: PackedGoal, threads: Threads) -> Resident {

@@ -1,4 +1,4 @@
-//! Bases of the clusters in few bits, for a resident form that is a tenth as large: each component is rounded as coarsely
+//! Bases of the clusters in few bits, for a resident form that is an eighth as large: each component is rounded as coarsely
 //! as its coefficients are small, and each of its numbers takes as many bits as its component and channel need.
 //!
 //! In the colour frame most chroma takes no bits at all. The order and the widths of the numbers are those of the cluster;

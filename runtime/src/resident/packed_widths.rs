@@ -32,7 +32,7 @@ const POINTS: usize = 8;
 /// Squared error, in squared steps, that one more bit of a number must take away: at a fine step the error is `step^2 / 12`,
 /// and a bit takes away three quarters of it.
 const BIT_PRICE: f64 = std::f64::consts::LN_2 / 6.0;
-/// Largest step, in units, and smallest: all halves between are whole classes.
+/// Smallest and largest step, in units: every class between begins with a half.
 const STEP_RANGE: [f64; 2] = [1.0 / 16384.0, 32768.0];
 /// Halvings of the interval in which the step is searched for.
 const HALVINGS: usize = 20;
@@ -185,17 +185,12 @@ impl Spread {
             // What the basis costs with its numbers, less than without them.
             let mut gain = -price * (*code_width as usize * self.texels) as f64;
             for (width, sizes) in widths.iter_mut().zip(sizes) {
-                let own = if scale > 0.0 { sizes.errors(step).map(|error| error * scale) } else { [0.0; 16] };
-                let costs = own.map({
-                    let mut bits = 0;
-                    move |error| {
-                        bits += self.pairs;
-                        error + price * (bits - self.pairs) as f64
-                    }
-                });
-                let best = (0..costs.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).unwrap_or(0);
+                let unused = [0.0; MAX_WIDTH as usize + 1];
+                let own = if scale > 0.0 { sizes.errors(step).map(|error| error * scale) } else { unused };
+                let cost = |width: usize| own[width] + price * (width * self.pairs) as f64;
+                let best = (0..own.len()).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(0);
                 *width = best as u32;
-                gain += costs[0] - costs[best];
+                gain += cost(0) - cost(best);
                 errors.push(own);
             }
             if gain <= 0.0 {

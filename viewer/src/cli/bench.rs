@@ -42,7 +42,7 @@ pub(super) fn run(arguments: &BenchArguments) -> Result<(), ViewerError> {
     if assets.is_empty() {
         assets.push(Arc::new(SceneAsset::built_in()));
     }
-    render.pack(&mut assets);
+    render.pack(&mut assets)?;
     let params = BenchParams {
         kind: arguments.kind,
         mesh: arguments.mesh.clone(),

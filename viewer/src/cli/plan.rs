@@ -36,9 +36,16 @@ pub(super) struct PlanArguments {
 /// Runs the command.
 ///
 /// # Errors
-/// [`ViewerError::Usage`] where a file that is read would be overwritten; those of [`plan`] and of writing files.
+/// [`ViewerError::Usage`] where a file that is read would be overwritten, and for packed bases; those of [`plan`] and of writing files.
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
     let render = &arguments.render;
+    if render.packing().is_some() {
+        return Err(ViewerError::Usage(
+            "a plan writes assets in file form, whose bases are not packed; give --resident-bytes or --resident-psnr to \
+             `btf-view --scene` when it shows them"
+                .into(),
+        ));
+    }
     let scene = load_scene(&arguments.scene, load_assets(&arguments.assets)?)?;
     let params = RenderParams {
         size: arguments.size,

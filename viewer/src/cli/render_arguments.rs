@@ -1,9 +1,9 @@
 //! The options of every command that renders: backend, decoder, light, threads.
 
 use super::parse::parse_positive;
-use btf_capture::bytes_from_text;
+use btf_capture::{bytes_from_text, text_from_bytes};
 use btf_runtime::{DecodeOptions, HeightUse, Interpolation, PackedGoal};
-use btf_viewer::{BackendChoice, Filter, GpuTracer, RenderMode, SceneAsset, ShadeOptions, SkyLight};
+use btf_viewer::{BackendChoice, Filter, GpuTracer, RenderMode, SceneAsset, ShadeOptions, SkyLight, ViewerError};
 use clap::ValueEnum;
 use std::sync::Arc;
 
@@ -87,11 +87,30 @@ impl RenderArguments {
         }
     }
 
-    /// Packs assets, where the options ask for it.
-    pub(super) fn pack(&self, assets: &mut [Arc<SceneAsset>]) {
+    /// Returns how assets are to be packed, if they are.
+    pub(super) fn packing(&self) -> Option<PackedGoal> {
         let bytes = self.resident_bytes.map(PackedGoal::Bytes);
-        let Some(goal) = bytes.or_else(|| self.resident_psnr.map(PackedGoal::of_psnr)) else { return };
-        assets.iter_mut().for_each(|asset| *asset = Arc::new(asset.packed(goal)));
+        bytes.or_else(|| self.resident_psnr.map(PackedGoal::of_psnr))
+    }
+
+    /// Packs assets, where the options ask for it.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] for an asset that takes more bytes than it may.
+    pub(super) fn pack(&self, assets: &mut [Arc<SceneAsset>]) -> Result<(), ViewerError> {
+        let Some(goal) = self.packing() else { return Ok(()) };
+        for asset in assets {
+            *asset = Arc::new(asset.packed(goal));
+            let bytes = 4 * asset.head().words().len() as u64;
+            if self.resident_bytes.is_some_and(|most| bytes > most) {
+                return Err(ViewerError::Usage(format!(
+                    "{} takes {} in memory at least, its mip levels included; allow that with --resident-bytes",
+                    asset.name,
+                    text_from_bytes(bytes)
+                )));
+            }
+        }
+        Ok(())
     }
 
     pub(super) fn backend(&self) -> BackendChoice {

@@ -9,8 +9,8 @@ use std::sync::Arc;
 /// view shows; `counts` are those of a landscape.
 ///
 /// # Errors
-/// [`ViewerError::Usage`] where a time is given and nothing in the scene moves; those of [`run_window`] and of
-/// rendering.
+/// [`ViewerError::Usage`] where a time is given and nothing in the scene moves, and for assets that take more memory than
+/// they may; those of [`run_window`] and of rendering.
 pub(super) fn show(
     arguments: &PictureArguments,
     mut scene: Scene,
@@ -26,6 +26,7 @@ pub(super) fn show(
                 .into(),
         ));
     }
+    render.pack(&mut scene.assets)?;
     scene.blow(arguments.time.unwrap_or(0.0))?;
     match &arguments.out {
         Some(out) => {

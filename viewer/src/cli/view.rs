@@ -56,7 +56,6 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
         Some(path) => load_scene(path, shown)?,
         None => Scene::built_in(&mesh, shown, arguments.uv_scale)?,
     };
-    arguments.picture.render.pack(&mut scene.assets);
     choose_camera(&mut scene, arguments.camera.unwrap_or(1))?;
     light_scene(&mut scene, &arguments.picture)?;
     if let Some(scale) = arguments.displacement {

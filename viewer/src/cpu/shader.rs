@@ -73,14 +73,15 @@ impl Shader<'_> {
     /// texels are as small as pixels or smaller, any of the four from two pixels a texel on. The first sample of a picture
     /// takes the nearest, but for traced paths.
     pub(crate) fn texel_numbers(&self, s: &Surface, travelled: f32, vertex: PathVertex) -> [f32; 2] {
+        let material = &self.scene.materials[s.material];
         let drawn = self.sample > 0 || self.options.mode == RenderMode::Path;
-        let Body::Asset(asset) = self.scene.materials[s.material].body else { return [0.5; 2] };
+        let Body::Asset(asset) = material.body else { return [0.5; 2] };
         if self.options.filter == Filter::Nearest || !drawn {
             return [0.5; 2];
         }
         let head = self.scene.assets[asset].head();
         let size = [head.width() as f32, head.height() as f32];
-        let texels = self.texels_of_pixel(s, &self.scene.materials[s.material], size, travelled);
+        let texels = self.texels_of_pixel(s, material, size, travelled);
         let part = (-texels.log2()).clamp(0.0, 1.0);
         self.two_numbers(vertex, Numbers::Texel).map(|at| 0.5 + part * (at - 0.5))
     }
