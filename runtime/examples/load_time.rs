@@ -1,10 +1,13 @@
-//! Times the opening of assets of either form on all processors: `cargo run --release -p btf-runtime --example
-//! load_time FILE.spmm ...`. Prints the least of five runs; the file's bytes are in memory.
+//! Times the opening of assets of either form on all processors, and the making of levels: `cargo run --release -p
+//! btf-runtime --example load_time FILE.spmm ...`. Prints the least of five runs; the file's bytes are in memory.
 
-use btf_runtime::{Asset, Resident, ResidentFile};
+use btf_runtime::{Asset, PackedGoal, Resident, ResidentFile, with_levels};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Bytes of the packed resident form that is timed.
+const PACKED_BYTES: u64 = 15_000_000;
 
 /// Returns the least milliseconds of several runs of `work`.
 fn least_ms<T>(mut work: impl FnMut() -> T) -> f64 {
@@ -28,7 +31,12 @@ fn main() {
             let asset = Asset::parse_on(&bytes, &threads).expect("it is an asset");
             let parse = least_ms(|| Asset::parse_on(&bytes, &threads).map(|asset| asset.width));
             let expand = least_ms(|| Resident::from_asset_on(&asset, &threads));
-            println!("{path}: parsed in {parse:.1} ms, expanded in {expand:.1} ms");
+            let pack = least_ms(|| Resident::packed_on(&asset, PackedGoal::Bytes(PACKED_BYTES), &threads));
+            let levels = least_ms(|| with_levels(&asset, &threads));
+            println!(
+                "{path}: parsed in {parse:.1} ms, expanded in {expand:.1} ms, packed to 15 MB in {pack:.1} ms, levels \
+                 made in {levels:.1} ms"
+            );
         }
     }
 }

@@ -79,3 +79,9 @@ class Asset:
         Returns wi (..., 3), its density per steradian (...) and its value as of `eval` (..., 3). Where a density
         is 0 nothing was drawn.
         """
+
+    def uv_between(self, uv: ArrayLike, at: ArrayLike, *, level: int = 0) -> NDArray[np.float32]:
+        """Draws one of the four texels around each `uv` by `at`, two numbers in [0, 1) each: its middle, (..., 2).
+
+        Values there have the bilinear interpolation of the four texels' values as their mean.
+        """

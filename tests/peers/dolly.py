@@ -3,8 +3,8 @@
 
     dolly.py BTF_VIEW ASSET.spmm X,Y,Z
 
-An asset repeated 8 x 8 times on a plane, seen from X, Y, Z on: one sample a pixel with levels, one of the finest texels, and
-as reference 32 frames of the finest texels. Root mean squares over the pixels that the plane covers, in 8-bit codes. Needs numpy
+An asset repeated 8 x 8 times on a plane, seen from X, Y, Z on: one sample a pixel with levels, one with levels that are interpolated,
+one of the finest texels, and as reference 32 frames of the finest texels. Root mean squares over the pixels that the plane covers, in 8-bit codes. Needs numpy
 and pillow.
 """
 import subprocess
@@ -50,13 +50,14 @@ def main():
     view, asset, eye = sys.argv[1], Path(sys.argv[2]).resolve(), [float(x) for x in sys.argv[3].split(",")]
     with tempfile.TemporaryDirectory() as folder:
         shown = lambda *options: frames(Path(folder), view, asset, eye, *options)
-        levels, finest = shown(), shown("--no-levels")
+        levels, linear, finest = shown(), shown("--filter", "linear"), shown("--no-levels")
         reference = shown("--no-levels", "--frames", "32")
     # Where the plane is in all frames, without its edge.
     covered = (np.abs(reference - reference[0][0, 0]).max(-1) > 3).all(0)
     covered[:3] = covered[-3:] = covered[:, :3] = covered[:, -3:] = False
     rms = lambda x: np.sqrt((x[:, covered] ** 2).mean())
-    for name, pictures in (("levels", levels), ("finest", finest), ("reference", reference)):
+    rows = {"levels": levels, "levels, linear": linear, "finest": finest, "reference": reference}
+    for name, pictures in rows.items():
         change, error = rms(np.diff(pictures, axis=0)), rms(pictures - reference)
         print(f"{name}: {change:.2f} codes from frame to frame, {error:.2f} from the reference, {covered.sum()} pixels")
 

@@ -26,13 +26,18 @@ pub struct ShadeOptions {
 
 /// The texels by which a place of an asset is shaded. (A live leaf's textures are always interpolated.)
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+#[repr(u32)]
 pub enum Filter {
     /// The nearest one: a magnified picture has edges between its texels.
-    Nearest,
+    Nearest = 0,
     /// Where texels are larger than pixels, one of the four around, anew for each sample, in the mean their bilinear
     /// interpolation [pharr2024, filtering after shading]; the nearest in a picture's first sample.
     #[default]
-    Stochastic,
+    Stochastic = 1,
+    /// All four around what a pixel's ray meets first, by their bilinear weights, at every level: no noise where texels
+    /// are larger than pixels, and less change from frame to frame where they are smaller, for four times the light.
+    /// Texels behind mirrors and further on a path are drawn as by `Stochastic`.
+    Linear = 2,
 }
 
 /// A way in which a sky lights a surface.

@@ -480,6 +480,24 @@ btf_code btf_sample(const struct btf_asset *asset,
                     struct btf_drawn *drawn);
 
 /**
+ * Draws one of the four texels around a texture coordinate: with evenly spread numbers the mean of their values is
+ * their bilinear interpolation, so that an asset whose texels are larger than pixels looks smooth. Give btf_evaluate,
+ * btf_sample and btf_density of one vertex of a path the coordinate that this returns in place of the vertex's own.
+ *
+ * `level`: as for btf_evaluate.
+ * `uv`: 2 numbers, as in btf_place.
+ * `at`: 2 numbers, each 0 to 1, 1 not included: random, or of a low-discrepancy sequence; 0.5 twice for the nearest
+ * texel.
+ * `between`: receives 2 numbers, the middle of the texel, from 0 to 1.
+ * Errors: BTF_POINTER, BTF_ARGUMENT.
+ */
+btf_code btf_uv_between(const struct btf_asset *asset,
+                        uint32_t level,
+                        const float *uv,
+                        const float *at,
+                        float *between);
+
+/**
  * Returns the density with which btf_sample draws the light's direction of a place, per steradian; 0 where it never
  * does.
  *

@@ -249,6 +249,36 @@ pub unsafe extern "C" fn btf_sample(
     })
 }
 
+/// Draws one of the four texels around a texture coordinate: with evenly spread numbers the mean of their values is
+/// their bilinear interpolation, so that an asset whose texels are larger than pixels looks smooth. Give btf_evaluate,
+/// btf_sample and btf_density of one vertex of a path the coordinate that this returns in place of the vertex's own.
+///
+/// `level`: as for btf_evaluate.
+/// `uv`: 2 numbers, as in btf_place.
+/// `at`: 2 numbers, each 0 to 1, 1 not included: random, or of a low-discrepancy sequence; 0.5 twice for the nearest
+/// texel.
+/// `between`: receives 2 numbers, the middle of the texel, from 0 to 1.
+/// Errors: BTF_POINTER, BTF_ARGUMENT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_uv_between(
+    asset: *const Handle,
+    level: u32,
+    uv: *const f32,
+    at: *const f32,
+    between: *mut f32,
+) -> Code {
+    call(|| {
+        // SAFETY: the caller gives an open handle, 2 and 2 numbers, and room for 2.
+        unsafe {
+            let (asset, level, _) = asked(asset, level, std::ptr::null())?;
+            let (uv, at) = (numbers(uv, "uv")?, numbers(at, "at")?);
+            let between = Target::new(between.cast::<[f32; 2]>(), "between")?;
+            between.set(asset.resident.uv_between(level, *uv, *at));
+        }
+        Ok(())
+    })
+}
+
 /// Returns the density with which btf_sample draws the light's direction of a place, per steradian; 0 where it never
 /// does.
 ///

@@ -231,6 +231,28 @@ static float next_random(uint32_t *state) {
     return (float)(*state >> 8) / 16777216.0f;
 }
 
+/* Drawn texels have bilinear weights as their shares, and the middle draw is the nearest texel. */
+static void check_between(const btf_asset *asset) {
+    btf_info info;
+    float uv[2], between[2], at[2] = {0.5f, 0.5f};
+    int i, right = 0;
+    check(btf_query(asset, &info) == BTF_OK, "an asset tells its size");
+    /* A quarter of a texel right of the middle of the third one, in the middle of the second row. */
+    uv[0] = 2.75f / (float)info.width;
+    uv[1] = 1.0f - 1.5f / (float)info.height;
+    check(btf_uv_between(asset, 0, uv, at, between) == BTF_OK, "a texel is drawn");
+    check(fabsf(between[0] * (float)info.width - 2.5f) < 1e-3f, "the middle draw is the nearest texel");
+    check(fabsf((1.0f - between[1]) * (float)info.height - 1.5f) < 1e-3f, "and its row");
+    for (i = 0; i < 100; i++) {
+        at[0] = ((float)i + 0.5f) / 100.0f;
+        check(btf_uv_between(asset, 0, uv, at, between) == BTF_OK, "a texel is drawn");
+        right += fabsf(between[0] * (float)info.width - 3.5f) < 1e-3f;
+    }
+    check(right == 25, "a quarter of the draws are the next texel");
+    check_fault(btf_uv_between(asset, 0, uv, at, NULL), BTF_POINTER, "'between' is null");
+    check_fault(btf_uv_between(asset, 99, uv, at, between), BTF_ARGUMENT, "level 99 was asked for");
+}
+
 /* Samples over their density sum up to what all directions evenly give, and btf_density agrees. */
 static void check_sampling(const btf_asset *asset) {
     const float uv[2] = {0.3f, 0.7f}, wo[3] = {0.57357644f, 0.0f, 0.81915204f};
@@ -367,6 +389,7 @@ int main(int count, char **arguments) {
     check_information(from_file);
     check_open_faults(arguments[1], arguments[3]);
     check_read_faults(from_file);
+    check_between(from_memory);
     check_sampling(from_memory);
     check_threads(from_memory, records, records_count);
 

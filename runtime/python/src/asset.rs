@@ -85,6 +85,16 @@ fn bytes_of(path: &Path) -> std::io::Result<ResidentBytes> {
 }
 
 impl PyAsset {
+    fn checked_level(&self, level: u32) -> PyResult<()> {
+        let levels = self.file.resident.levels();
+        if level < levels {
+            return Ok(());
+        }
+        Err(PyValueError::new_err(format!(
+            "level {level} was asked for, the asset has {levels}, from 0; open it with levels='all' for all"
+        )))
+    }
+
     fn options(
         &self,
         components: Option<u32>,
@@ -104,12 +114,7 @@ impl PyAsset {
             let sentence = format!("heights is '{heights}': take 'none', 'parallax' or 'relief'");
             return Err(PyValueError::new_err(sentence));
         };
-        let levels = self.file.resident.levels();
-        if level >= levels {
-            return Err(PyValueError::new_err(format!(
-                "level {level} was asked for, the asset has {levels}, from 0; open it with levels='all' for all"
-            )));
-        }
+        self.checked_level(level)?;
         Ok(DecodeOptions {
             components: components.unwrap_or(u32::MAX),
             lobes: lobes.unwrap_or(u32::MAX),
@@ -228,6 +233,28 @@ impl PyAsset {
             shape.array(py, densities, None)?,
             shape.array(py, values.into_flattened(), Some(3))?,
         ))
+    }
+
+    /// Draws one of the four texels around each texture coordinate `uv` by two numbers in [0, 1) each, `at`: (..., 2).
+    /// Returns the middles of the texels, (..., 2). Values there have the bilinear interpolation of the four texels'
+    /// values as their mean; give `eval`, `sample` and `pdf` of one path vertex the same.
+    #[pyo3(signature = (uv, at, *, level=0))]
+    fn uv_between<'py>(
+        &self,
+        py: Python<'py>,
+        uv: &Bound<'py, PyAny>,
+        at: &Bound<'py, PyAny>,
+        level: u32,
+    ) -> PyResult<Numbers<'py>> {
+        self.checked_level(level)?;
+        let (uv, at) = (Vectors::new(uv, "uv", 2)?, Vectors::new(at, "at", 2)?);
+        let shape = Shape::of(&[&uv, &at])?;
+        let mut places: Vec<[f32; 2]> = shape.room()?;
+        shape.visit(&uv, |uv| places.push(uv))?;
+        let mut next = places.iter_mut();
+        let resident = &self.file.resident;
+        shape.visit(&at, |at| next.by_ref().take(1).for_each(|uv| *uv = resident.uv_between(level, *uv, at)))?;
+        shape.array(py, places.into_flattened(), Some(2))
     }
 
     /// Returns the asset's description as a dict: the material description of its file (name, ...), and width, height,

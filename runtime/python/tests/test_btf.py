@@ -184,6 +184,31 @@ class Samples(Module):
         self.assertGreater(np.abs(wrong / whole - 1).max(), 0.05)
 
 
+class Between(Module):
+    def test_the_mean_of_drawn_texels_is_their_interpolation(self):
+        uv, wi, wo = self.places(())
+        steps = (np.arange(64) + 0.5) / 64
+        at = np.stack(np.meshgrid(steps, steps), -1)
+        between = self.asset.uv_between(uv, at)
+        self.assertEqual((between.shape, between.dtype), ((64, 64, 2), np.float32))
+        mean = self.asset.eval(between, wi, wo).mean((0, 1))
+        # Bilinear, by numpy: texels' middles are at halves, v is up.
+        place = np.array([uv[0], 1.0 - uv[1]]) * 64 - 0.5
+        low = np.floor(place)
+        part = place - low
+        expected = 0.0
+        for dx, dy in [(0, 0), (1, 0), (0, 1), (1, 1)]:
+            weight = (part[0] if dx else 1 - part[0]) * (part[1] if dy else 1 - part[1])
+            middle = (low + [dx, dy] + 0.5) / 64
+            expected = expected + weight * self.asset.eval([middle[0], 1.0 - middle[1]], wi, wo)
+        np.testing.assert_allclose(mean, expected, rtol=0.02)
+        # Planted difference: the nearest texel, which 0.5 twice gives.
+        nearest = self.asset.eval(self.asset.uv_between(uv, [0.5, 0.5]), wi, wo)
+        np.testing.assert_array_equal(nearest, self.asset.eval(uv, wi, wo))
+        self.assertGreater(np.abs(nearest - mean).max(), 1e-4)
+        self.refused(ValueError, "level 9 was asked for", self.asset.uv_between, uv, [0.5, 0.5], level=9)
+
+
 class Stubs(unittest.TestCase):
     STUB = Path(__file__).resolve().parents[1] / "btf.pyi"
 
@@ -209,7 +234,7 @@ class Stubs(unittest.TestCase):
         text = self.STUB.read_text()
         self.assertEqual(self.differences(text), set())
         # Planted differences: another default, another order, a function that is not there.
-        self.assertEqual(self.differences(text.replace("level: int = 0", "level: int = 1")), {"eval", "pdf", "sample"})
+        self.assertEqual(self.differences(text.replace("level: int = 0", "level: int = 1")), {"eval", "pdf", "sample", "uv_between"})
         swapped = text.replace("wo: ArrayLike,\n        at: ArrayLike", "at: ArrayLike,\n        wo: ArrayLike")
         self.assertEqual(self.differences(swapped), {"sample"})
         self.assertEqual(self.differences(text + "\ndef close() -> None: ...\n"), {"close"})

@@ -8,6 +8,7 @@ use crate::numeric::quantize::weight_from_byte;
 /// Sums a texel's lobes at every measured pair: `out` is `[view, light, rgb]`. `tables` are the [`lobe_tables`] of the
 /// texel's cluster, `scales` the weight scales of its lobes. Fitting and measuring use these sums instead of
 /// [`crate::decode`].
+#[inline(always)]
 pub fn lobe_sum_at_pairs(refs: &[LobeRef], scales: &[f32], tables: &[Vec<f32>], out: &mut [f32]) {
     out.fill(0.0);
     for reference in refs {

@@ -1,7 +1,7 @@
 //! A cluster at the pairs at which levels are fitted, and the clusters among which a coarse texel chooses.
 
 use crate::asset::dictionary::LobeRef;
-use crate::numeric::algebra::gram_of;
+use crate::levels::bases::Bases;
 use crate::numeric::quantize::weight_from_byte;
 use crate::resident::expansion::Expansion;
 
@@ -9,14 +9,18 @@ use crate::resident::expansion::Expansion;
 /// lobe that the dictionary lacks.
 pub(super) type OwnLobes = Vec<Vec<Option<u8>>>;
 
+/// Number of first components by which the cluster and lobes of a coarse texel are chosen.
+const CHOICE_COMPONENTS: usize = 24;
+
 /// A cluster evaluated at the sampled pairs.
 #[derive(Default)]
 pub(super) struct Cluster {
     /// Mean of the residual, `[pair, rgb]`.
     pub mean: Vec<f32>,
-    /// Components for a code of 1, `[component][pair, rgb]`.
-    pub components: Vec<Vec<f32>>,
-    pub gram: Vec<f32>,
+    /// Components of the residual, whose samples are `[pair, rgb]`.
+    pub components: Bases,
+    /// Products of the first components with each other, by which a cluster is chosen.
+    pub first_gram: Vec<f32>,
     /// Values of the lobes, `[lobe][pair]`.
     pub lobes: Vec<Vec<f32>>,
     /// Values of the lobes times the tone weights of the pairs; their products with each other follow.
@@ -73,8 +77,8 @@ pub(super) fn bases_at(
 
 impl Cluster {
     pub(super) fn set_bases(&mut self, mut bases: Vec<Vec<f32>>) {
-        self.components = bases.split_off(bases.len().min(1));
+        self.components = Bases::new(&bases.split_off(bases.len().min(1)));
+        self.first_gram = self.components.first_gram(self.components.count.min(CHOICE_COMPONENTS));
         self.mean = bases.pop().unwrap_or_default();
-        self.gram = gram_of(&self.components);
     }
 }

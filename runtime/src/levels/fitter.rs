@@ -12,6 +12,7 @@ use crate::numeric::quantize::byte_from_weight;
 use crate::numeric::vector::dot_slices;
 use crate::resident::expansion::Expansion;
 use crate::threads::{Threads, map};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Largest number of measured pairs at which a level is fitted, chosen evenly. They give three numbers each, against at
 /// most 128 unknowns: with half as many pairs leather's levels are 1.2 to 2.1 dB worse, with half as many more 0.5 to
@@ -23,6 +24,8 @@ const TONE_FLOOR: f32 = 0.02;
 const LOBE_SWEEPS: usize = 40;
 /// Number of sweeps of coordinate descent over coefficients, which are nearly orthogonal.
 const COEFFICIENT_SWEEPS: usize = 8;
+/// Number of sweeps over the first coefficients, by which clusters are compared.
+const CHOICE_SWEEPS: usize = 4;
 /// Largest code of a coefficient.
 pub(super) const MAX_CODE: f32 = 127.0;
 
@@ -113,9 +116,14 @@ impl<'a> Fitter<'a> {
         }
     }
 
+    /// Encodes linear values in the residual's curve.
+    pub(super) fn encoded(&self, values: &[f32]) -> Vec<f32> {
+        Arch::new().dispatch(Encoded { fitter: self, values: values.to_vec() })
+    }
+
     /// Subtracts the lobes from encoded values.
     pub(super) fn left_by_lobes(&self, cluster: &Cluster, refs: &[LobeRef], encoded: &[f32]) -> Vec<f32> {
-        let mut left = self.encoded_lobes(cluster, refs);
+        let mut left = self.encoded(&self.lobe_sums(cluster, refs));
         left.iter_mut().zip(encoded).for_each(|(left, x)| *left = x - *left);
         left
     }
@@ -125,13 +133,13 @@ impl<'a> Fitter<'a> {
         self.layer.lobe_role != LobeRole::Guide || self.layer.residual.is_none()
     }
 
-    /// Encodes the lobes in the residual's curve, `[pair, rgb]`.
-    fn encoded_lobes(&self, cluster: &Cluster, refs: &[LobeRef]) -> Vec<f32> {
+    /// Sums lobes, as far as they are part of the value: `[pair, rgb]`.
+    #[inline(always)]
+    fn lobe_sums(&self, cluster: &Cluster, refs: &[LobeRef]) -> Vec<f32> {
         let mut sum = vec![0.0; self.samples];
         if self.lobes_count() {
             lobe_sum_at_pairs(refs, &cluster.scales, &cluster.lobes, &mut sum);
         }
-        self.layer.residual_kind.encode_slice(&mut sum, self.layer.epsilon);
         sum
     }
 
@@ -144,20 +152,11 @@ impl<'a> Fitter<'a> {
     pub(super) fn decoded(&self, texel: usize) -> Vec<f32> {
         let layer = self.layer;
         let cluster = &self.clusters[usize::from(layer.texel_clusters[texel])];
-        let mut values = self.encoded_lobes(cluster, self.refs(texel));
-        let mut add = |weight: f32, basis: &[f32]| {
-            values.iter_mut().zip(basis).for_each(|(sum, x)| *sum += weight * x);
-        };
-        if let Some(residual) = &layer.residual {
-            add(1.0, &cluster.mean);
-            for (plane, component) in residual.coefficients.iter().zip(&cluster.components) {
-                if plane.codes[texel] != 0 {
-                    add(plane.codes[texel].into(), component);
-                }
-            }
-        }
-        layer.residual_kind.decode_slice(&mut values, layer.epsilon);
-        values
+        let weighted: Vec<(usize, f32)> = layer.residual.as_ref().map_or_else(Vec::new, |residual| {
+            let codes = residual.coefficients.iter().map(|plane| f32::from(plane.codes[texel]));
+            codes.enumerate().filter(|(_, code)| *code != 0.0).collect()
+        });
+        Arch::new().dispatch(Decoded { fitter: self, cluster, refs: self.refs(texel), weighted: &weighted })
     }
 
     /// Returns the weights of a cluster's lobes that approximate the values best, RGB.
@@ -206,34 +205,95 @@ impl<'a> Fitter<'a> {
     }
 
     /// Fits a texel: chooses the cluster among `candidates` that approximates the values best, with its lobes and
-    /// coefficients. Lobes that only guide are the mean of the covered texels' lobes in that cluster; others are those,
-    /// or the nearest to the values, whichever the residual follows better.
+    /// coefficients. Its lobes are the mean of the covered texels' lobes in that cluster or, where that is better and the
+    /// bases do not hold the whole value, the nearest to the values. The first components tell what is better.
     pub(super) fn fit(&self, mean: Vec<f32>, candidates: &[Candidate]) -> MipTexel {
-        let mut encoded = mean.clone();
-        self.layer.residual_kind.encode_slice(&mut encoded, self.layer.epsilon);
-        let mut best: Option<(f32, u8, Vec<LobeRef>, Vec<i8>)> = None;
+        let encoded = self.encoded(&mean);
+        let mut best: Option<Choice> = None;
+        let mut offer = |cluster: u8, refs: Vec<LobeRef>| {
+            let choice = self.choice(cluster, refs, &encoded);
+            if best.as_ref().is_none_or(|best| choice.error < best.error) {
+                best = Some(choice);
+            }
+        };
         for candidate in candidates {
             let cluster = &self.clusters[usize::from(candidate.cluster)];
-            let mut choices = vec![self.refs_of(cluster, &candidate.weights)];
-            if self.lobes_count() {
-                choices.push(self.refs_of(cluster, &self.nearest_weights(cluster, &mean)));
-            }
-            for refs in choices {
-                let mut left = self.left_by_lobes(cluster, &refs, &encoded);
-                left.iter_mut().zip(&cluster.mean).for_each(|(left, x)| *left -= x);
-                let products: Vec<f32> =
-                    cluster.components.iter().map(|component| dot_slices(component, &left)).collect();
-                let (codes, gain) = descend(&cluster.gram, &products, COEFFICIENT_SWEEPS, |sweep, _, x| {
-                    let x = x.clamp(-MAX_CODE, MAX_CODE);
-                    if sweep + 1 == COEFFICIENT_SWEEPS { x.round() } else { x }
-                });
-                let error = dot_slices(&left, &left) - gain;
-                if best.as_ref().is_none_or(|(least, ..)| error < *least) {
-                    best = Some((error, candidate.cluster, refs, codes.iter().map(|x| *x as i8).collect()));
-                }
+            offer(candidate.cluster, self.refs_of(cluster, &candidate.weights));
+            if self.lobes_count() && !cluster.lobes.is_empty() && self.layer.lobe_weights.is_none() {
+                offer(candidate.cluster, self.refs_of(cluster, &self.nearest_weights(cluster, &mean)));
             }
         }
-        let (_, cluster, lobe_refs, codes) = best.unwrap_or_default();
-        MipTexel { mean, cluster, lobe_refs, codes }
+        let Some(Choice { cluster, lobe_refs, left, .. }) = best else {
+            return MipTexel { mean, cluster: 0, lobe_refs: Vec::new(), codes: Vec::new() };
+        };
+        let components = &self.clusters[usize::from(cluster)].components;
+        let products = components.products(components.count, &left);
+        let (codes, _) = descend(&components.gram, &products, COEFFICIENT_SWEEPS, |sweep, _, x| {
+            let x = x.clamp(-MAX_CODE, MAX_CODE);
+            if sweep + 1 == COEFFICIENT_SWEEPS { x.round() } else { x }
+        });
+        MipTexel { mean, cluster, lobe_refs, codes: codes.iter().map(|x| *x as i8).collect() }
     }
+
+    /// Tells how well the first components of a cluster follow encoded values beside its lobes.
+    fn choice(&self, number: u8, lobe_refs: Vec<LobeRef>, encoded: &[f32]) -> Choice {
+        let cluster = &self.clusters[usize::from(number)];
+        let mut left = self.left_by_lobes(cluster, &lobe_refs, encoded);
+        left.iter_mut().zip(&cluster.mean).for_each(|(left, x)| *left -= x);
+        let products = cluster.components.products(cluster.first_gram.len().isqrt(), &left);
+        let within = |_, _, x: f32| x.clamp(-MAX_CODE, MAX_CODE);
+        let (_, gain) = descend(&cluster.first_gram, &products, CHOICE_SWEEPS, within);
+        Choice { error: dot_slices(&left, &left) - gain, cluster: number, lobe_refs, left }
+    }
+}
+
+/// The arguments of [`Fitter::encoded`], for [`pulp`].
+struct Encoded<'a> {
+    fitter: &'a Fitter<'a>,
+    values: Vec<f32>,
+}
+
+impl WithSimd for Encoded<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) -> Vec<f32> {
+        let Layer { residual_kind, epsilon, .. } = self.fitter.layer;
+        residual_kind.encode_slice(&mut self.values, *epsilon);
+        self.values
+    }
+}
+
+/// What [`Fitter::decoded`] sums, for [`pulp`].
+struct Decoded<'a> {
+    fitter: &'a Fitter<'a>,
+    cluster: &'a Cluster,
+    refs: &'a [LobeRef],
+    /// Components and their codes, where these are not 0.
+    weighted: &'a [(usize, f32)],
+}
+
+impl WithSimd for Decoded<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<f32> {
+        let Layer { residual_kind, epsilon, .. } = self.fitter.layer;
+        let mut values = self.fitter.lobe_sums(self.cluster, self.refs);
+        residual_kind.encode_slice(&mut values, *epsilon);
+        values.iter_mut().zip(&self.cluster.mean).for_each(|(sum, x)| *sum += x);
+        self.cluster.components.add(simd, self.weighted, &mut values);
+        residual_kind.decode_slice(&mut values, *epsilon);
+        values
+    }
+}
+
+/// A cluster and its lobes, one of those that a coarse texel may have.
+struct Choice {
+    /// Squared error that the first components leave.
+    error: f32,
+    cluster: u8,
+    lobe_refs: Vec<LobeRef>,
+    /// Encoded values without the lobes and the cluster's mean.
+    left: Vec<f32>,
 }

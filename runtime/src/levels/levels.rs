@@ -152,7 +152,7 @@ impl Fitter<'_> {
         let count = texels.first().map_or(0, |texel| texel.codes.len());
         let mut energies = vec![0.0f64; count];
         for texel in texels {
-            let gram = &self.clusters[usize::from(texel.cluster)].gram;
+            let gram = &self.clusters[usize::from(texel.cluster)].components.gram;
             for (j, code) in texel.codes.iter().enumerate() {
                 energies[j] += f64::from(*code).powi(2) * f64::from(gram[j * count + j]);
             }

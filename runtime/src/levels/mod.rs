@@ -1,5 +1,6 @@
 //! Coarser levels of an asset (a mip chain).
 
+mod bases;
 mod cluster;
 mod fitter;
 mod footprint;

@@ -4,10 +4,11 @@
 use crate::asset::asset::Layer;
 use crate::asset::limits::{MAX_BASIS_STEP, MAX_BASIS_WORDS, MAX_CLUSTERS, basis_words};
 use crate::asset::residual::{Residual, expand_core};
+use crate::levels::bases::Bases;
 use crate::levels::cluster::{OwnLobes, bases_at};
 use crate::levels::fitter::{Fitter, MAX_CODE};
 use crate::levels::footprint::spread;
-use crate::numeric::algebra::{cholesky, gram_of, principal, solve};
+use crate::numeric::algebra::{cholesky, principal, solve};
 use crate::numeric::vector::dot_slices;
 use crate::resident::expansion::Expansion;
 use crate::threads::{Threads, map};
@@ -104,7 +105,8 @@ impl Fitter<'_> {
             self.pairs.iter().flat_map(|pair| [0, 1, 2].map(|c| expanded[3 * pair + c])).collect::<Vec<f32>>()
         });
         let count = shared.len();
-        let mut gram = gram_of(&shared);
+        let shared = Bases::new(&shared);
+        let mut gram = shared.gram.clone();
         let ridge = RIDGE * (0..count).map(|i| gram[i * count + i]).sum::<f32>() / count as f32;
         (0..count).for_each(|i| gram[i * count + i] += ridge);
         let Some(factor) = cholesky(&gram, count) else { return residual };
@@ -118,10 +120,8 @@ impl Fitter<'_> {
                 let mean = self.square(spread(i, taken, squares), size, side);
                 let refs =
                     if self.lobes_count() { self.refs_of(own, &self.nearest_weights(own, &mean)) } else { Vec::new() };
-                let mut encoded = mean;
-                self.layer.residual_kind.encode_slice(&mut encoded, self.layer.epsilon);
-                let left = self.left_by_lobes(own, &refs, &encoded);
-                solve(&factor, shared.iter().map(|basis| dot_slices(basis, &left)).collect())
+                let left = self.left_by_lobes(own, &refs, &self.encoded(&mean));
+                solve(&factor, shared.products(count, &left))
             }));
         }
         let mut mean = vec![0.0f32; count];

@@ -1,6 +1,7 @@
 //! Small dense linear algebra for the levels of an asset. Matrices are square and row-major.
 
 use crate::numeric::vector::dot_slices;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Number of orthogonal iterations that find principal directions.
 const ITERATIONS: usize = 12;
@@ -36,16 +37,29 @@ pub(crate) fn descend(
 
 /// Returns the products of the rows with each other: `[i, j]`.
 pub(crate) fn gram_of(rows: &[Vec<f32>]) -> Vec<f32> {
-    let count = rows.len();
-    let mut gram = vec![0.0; count * count];
-    for i in 0..count {
-        for j in 0..=i {
-            let product = dot_slices(&rows[i], &rows[j]);
-            gram[i * count + j] = product;
-            gram[j * count + i] = product;
+    Arch::new().dispatch(Gram(rows))
+}
+
+/// The argument of [`gram_of`], for [`pulp`].
+struct Gram<'a>(&'a [Vec<f32>]);
+
+impl WithSimd for Gram<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Vec<f32> {
+        let Gram(rows) = self;
+        let count = rows.len();
+        let mut gram = vec![0.0; count * count];
+        for i in 0..count {
+            for j in 0..=i {
+                let product = dot_slices(&rows[i], &rows[j]);
+                gram[i * count + j] = product;
+                gram[j * count + i] = product;
+            }
         }
+        gram
     }
-    gram
 }
 
 /// Returns the lower triangle `[i, j]` of the Cholesky factor of a matrix with `count` rows; `None` if the matrix is

@@ -13,6 +13,7 @@ pub fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 }
 
 /// Returns the scalar product of two vectors of any one length. Eight partial sums let the compiler use SIMD.
+#[inline(always)]
 pub(crate) fn dot_slices(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; 8];
     let (a, b) = (a.chunks_exact(8), b.chunks_exact(8));

@@ -222,6 +222,15 @@ impl Resident {
         };
         place(1.0 - uv[1], at[1], rows) * width + place(uv[0], at[0], width)
     }
+
+    /// Returns the middle of one of the four texels of `level` around a texture coordinate, drawn as by
+    /// [`Resident::texel_between`]: [`crate::evaluate`], [`crate::sample`] and [`crate::density`] there use that texel.
+    pub fn uv_between(&self, level: u32, uv: [f32; 2], at: [f32; 2]) -> [f32; 2] {
+        // All layers of a level have the same size.
+        let layer = level * self.layers();
+        let ([width, rows], texel) = (self.size(layer), self.texel_between(layer, uv, at));
+        [((texel % width) as f32 + 0.5) / width as f32, 1.0 - ((texel / width) as f32 + 0.5) / rows as f32]
+    }
 }
 
 #[cfg(test)]
@@ -238,7 +247,9 @@ mod tests {
             let mut counts = [0u32; 30];
             for (i, j) in (0..100).flat_map(|i| (0..100).map(move |j| (i, j))) {
                 let at = [i, j].map(|x| (x as f32 + 0.5) / 100.0);
-                counts[resident.texel_between(0, uv, at) as usize] += 1;
+                let texel = resident.texel_between(0, uv, at);
+                assert_eq!(resident.texel(0, resident.uv_between(0, uv, at)), texel);
+                counts[texel as usize] += 1;
             }
             // Bilinear weights of the middles of texels, repeated.
             let place = [uv[0] * 6.0 - 0.5, (1.0 - uv[1]) * 5.0 - 0.5];

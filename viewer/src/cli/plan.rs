@@ -5,6 +5,7 @@ use super::parse::{parse_positive, parse_size};
 use super::progress::with_progress;
 use super::render_arguments::RenderArguments;
 use super::report::write_json;
+use btf_capture::bytes_from_text;
 use btf_viewer::{Plan, RenderParams, Scene, ViewerError, load_scene, plan, scene_with_assets};
 use std::path::{Path, PathBuf};
 
@@ -23,6 +24,9 @@ pub(super) struct PlanArguments {
     /// How near an asset's pixels stay to those of the whole asset, dB
     #[arg(long, value_name = "DB", value_parser = parse_positive, default_value = "40")]
     pub(super) psnr: f32,
+    /// Write resident forms that all together take at most this size of memory, such as 40MB
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text)]
+    pub(super) memory_budget: Option<u64>,
     /// Frames to average
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) frames: u32,
@@ -36,13 +40,14 @@ pub(super) struct PlanArguments {
 /// Runs the command.
 ///
 /// # Errors
-/// [`ViewerError::Usage`] where a file that is read would be overwritten, and for packed bases; those of [`plan`] and of writing files.
+/// [`ViewerError::Usage`] where a file that is read would be overwritten, and for packed bases of each asset; those of [`plan`] and
+/// of writing files.
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
     let render = &arguments.render;
     if render.packing().is_some() {
         return Err(ViewerError::Usage(
-            "a plan writes assets in file form, whose bases are not packed; give --resident-bytes or --resident-psnr to \
-             `btf-view --scene` when it shows them"
+            "a plan shares memory out among all assets; give --memory-budget in place of --resident-bytes and \
+             --resident-psnr"
                 .into(),
         ));
     }
@@ -59,7 +64,9 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
     // Before the work, so that nobody waits for a refusal.
     let files = planned_files(&scene, arguments)?;
     btf_capture::atomic::create_folder(folder)?;
-    let plan = with_progress(render.quiet, |control| plan(&scene, &params, arguments.psnr.into(), control))?;
+    let plan = with_progress(render.quiet, |control| {
+        plan(&scene, &params, arguments.psnr.into(), arguments.memory_budget, control)
+    })?;
     let text = scene_with_assets(&arguments.scene, &scene.assets, &files, folder)?;
     for (asset, file) in plan.assets.iter().zip(&files) {
         let path = folder.join(file);
@@ -77,13 +84,13 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
 /// Prints what the plan keeps of each asset, and what is saved.
 fn print_plan(plan: &Plan, arguments: &PlanArguments) {
     println!(
-        "{:<16} {:>8} {:>13} {:>22} {:>14} {:>10} {:>22} {:>8}",
-        "asset", "pixels", "level", "texels", "components", "lobes", "bytes", "dB"
+        "{:<16} {:>8} {:>13} {:>22} {:>14} {:>10} {:>22} {:>24} {:>8}",
+        "asset", "pixels", "level", "texels", "components", "lobes", "bytes", "bytes in memory", "dB"
     );
     for asset in &plan.assets {
         let [[w, h], [kept_w, kept_h]] = asset.texels;
         println!(
-            "{:<16} {:>8} {:>13} {:>22} {:>14} {:>10} {:>22} {:>8}",
+            "{:<16} {:>8} {:>13} {:>22} {:>14} {:>10} {:>22} {:>24} {:>8}",
             asset.name,
             asset.pixels,
             if asset.pixels == 0 { "not seen".into() } else { asset.level.to_string() },
@@ -91,14 +98,18 @@ fn print_plan(plan: &Plan, arguments: &PlanArguments) {
             format!("{} -> {}", asset.components[0], asset.components[1]),
             format!("{} -> {}", asset.lobes[0], asset.lobes[1]),
             format!("{} -> {}", asset.bytes[0], asset.bytes[1]),
+            format!("{} -> {}", asset.resident_bytes[0], asset.resident_bytes[1]),
             asset.psnr_db.map_or("-".into(), |psnr| format!("{psnr:.1}"))
         );
     }
-    let [whole, kept] = plan.bytes;
+    let saved = |[whole, kept]: [usize; 2]| {
+        let share = 100.0 * (1.0 - kept as f64 / whole.max(1) as f64);
+        format!("{kept} of {whole} bytes ({share:.0} % saved)")
+    };
     println!(
-        "saved {} of {whole} bytes ({:.0} %); pictures differ by {:.1} dB",
-        whole.saturating_sub(kept),
-        100.0 * (1.0 - kept as f64 / whole.max(1) as f64),
+        "files take {}, in memory {}; pictures differ by {:.1} dB",
+        saved(plan.bytes),
+        saved(plan.resident_bytes),
         plan.psnr_db
     );
     if plan.assets.iter().any(|asset| asset.psnr_db.is_some_and(|psnr| psnr < f64::from(arguments.psnr))) {
@@ -115,9 +126,10 @@ fn planned_files(scene: &Scene, arguments: &PlanArguments) -> Result<Vec<String>
     // Assets of the same name, letters large or small, are told apart by numbers.
     let mut files: Vec<String> = Vec::new();
     for asset in &scene.assets {
+        let extension = if arguments.memory_budget.is_some() { "resident.spmm" } else { "spmm" };
         let numbered = |number: usize| match number {
-            0 => format!("{}.spmm", asset.name),
-            _ => format!("{}_{number}.spmm", asset.name),
+            0 => format!("{}.{extension}", asset.name),
+            _ => format!("{}_{number}.{extension}", asset.name),
         };
         let free = |name: &String| files.iter().all(|known| known.to_lowercase() != name.to_lowercase());
         let name = (0..=files.len()).map(numbered).find(free);

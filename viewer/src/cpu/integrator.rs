@@ -4,7 +4,7 @@
 use crate::cpu::direct_light::{LightNumbers, LitPoint};
 use crate::cpu::path::{Numbers, Path, PathVertex, roulette};
 use crate::cpu::scatter::mirror_direction;
-use crate::cpu::shader::Shader;
+use crate::cpu::shader::{Shader, TEXEL_TAPS, TexelTap};
 use crate::cpu::volumes::AfterVolumes;
 use crate::geometry::bvh::NO_HIT;
 use crate::geometry::surface::Surface;
@@ -71,7 +71,6 @@ impl Shader<'_> {
             }
             path.travelled += hit.t;
             let (mut s, relief) = self.surface_of(&hit, sunk, path.direction);
-            s.texel_at = self.texel_numbers(&s, path.travelled, vertex);
             let material = &self.scene.materials[s.material];
             let numbers = LightNumbers {
                 ambient_at: self.two_numbers(vertex, Numbers::Ambient),
@@ -80,14 +79,20 @@ impl Shader<'_> {
             };
             let level = self.level_of(&s, material, path.travelled, numbers.seed);
             let leaf = self.viewed_leaf(&s, material, &hit, level);
-            for light_back in [false, true] {
+            for (tap, light_back) in (0..TEXEL_TAPS).flat_map(|tap| [(tap, false), (tap, true)]) {
+                let TexelTap { at, weight } = self.texel_tap(&s, level, path.travelled, vertex, tap);
+                if weight <= 0.0 {
+                    continue;
+                }
+                s.texel_at = at;
                 if let Some(viewed) = &self.viewed_body(&s, material, leaf.as_ref(), level, light_back) {
                     let relief = relief.as_ref().map(|(relief, point)| (relief, *point));
                     let width = path.travelled * self.ray_width();
                     let lit = LitPoint { s: &s, relief, material, viewed, light_back, width, numbers: &numbers };
-                    radiance += path.throughput * self.direct_light(&lit, &mut done);
+                    radiance += weight * path.throughput * self.direct_light(&lit, &mut done);
                 }
             }
+            s.texel_at = self.texel_numbers(&s, path.travelled, vertex);
             let goes_on = match self.options.mode {
                 RenderMode::Path => self.scatter_path(&mut path, &s, material, leaf.as_ref(), vertex),
                 RenderMode::Direct => mirror_path(&mut path, &s, material),

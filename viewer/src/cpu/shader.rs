@@ -24,6 +24,8 @@ pub(crate) const LEVEL_CHOICE: u32 = 0x967a_889b;
 pub(crate) const SHELL_TRIES: usize = 8;
 /// Rays along a pixel's side, for more of which voxels do not grow narrower: it was not measured for more.
 const MAX_RAYS_ACROSS: f32 = 4.0;
+/// Texels that a place between them is interpolated from. Twin: `TEXEL_TAPS`.
+pub(crate) const TEXEL_TAPS: u32 = 4;
 
 /// The constants that the shader has too, by name.
 #[cfg(test)]
@@ -33,6 +35,14 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("MIN_LIGHT_DISTANCE2", MIN_LIGHT_DISTANCE2),
     ("MAX_RAYS_ACROSS", MAX_RAYS_ACROSS),
 ];
+
+/// One of the texels whose light is summed at a vertex.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TexelTap {
+    /// The numbers that take it.
+    pub at: [f32; 2],
+    pub weight: f32,
+}
 
 /// One sample of every pixel.
 pub(crate) struct Shader<'a> {
@@ -84,6 +94,30 @@ impl Shader<'_> {
         let texels = self.texels_of_pixel(s, material, size, travelled);
         let part = (-texels.log2()).clamp(0.0, 1.0);
         self.two_numbers(vertex, Numbers::Texel).map(|at| 0.5 + part * (at - 0.5))
+    }
+
+    /// Returns texel number `tap` of the four of a level that are summed at a vertex, `travelled` from the eye; the first
+    /// one alone has a weight where texels are not interpolated.
+    pub(crate) fn texel_tap(&self, s: &Surface, level: u32, travelled: f32, vertex: PathVertex, tap: u32) -> TexelTap {
+        let material = &self.scene.materials[s.material];
+        let asset = match material.body {
+            Body::Asset(asset) if self.options.filter == Filter::Linear && vertex.depth == 1 => asset,
+            _ => {
+                let weight = if tap == 0 { 1.0 } else { 0.0 };
+                return TexelTap { at: self.texel_numbers(s, travelled, vertex), weight };
+            }
+        };
+        let head = self.scene.assets[asset].head();
+        let size = head.size(level * head.layers()).map(|side| side as f32);
+        let uv = s.uv * Vec2::from(material.uv_scale);
+        let upper = [(tap & 1) as f32, (tap >> 1) as f32];
+        let fract = |x: f32| x - x.floor();
+        let along = |x: f32, axis: usize| {
+            // Place between the middles of two texels.
+            let place = fract(fract(x) * size[axis] + 0.5);
+            if upper[axis] > 0.0 { place } else { 1.0 - place }
+        };
+        TexelTap { at: upper, weight: along(uv.x, 0) * along(1.0 - uv.y, 1) }
     }
 
     /// Returns the nearest hit of a mesh, or any hit, before `t_max`.

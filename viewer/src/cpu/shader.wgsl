@@ -13,6 +13,10 @@ const LEVEL_CHOICE: u32 = 0x967a889bu;
 const SHELL_TRIES: u32 = 8u;
 // Rays along a pixel's side, for more of which voxels do not grow narrower.
 const MAX_RAYS_ACROSS: f32 = 4.0;
+const FILTER_NEAREST: u32 = 0u;
+const FILTER_LINEAR: u32 = 2u;
+// Texels that a place between them is interpolated from.
+const TEXEL_TAPS: u32 = 4u;
 
 // Decodes everything anew for every light: what the decoder's halves are measured by.
 override whole_decoder: bool = false;
@@ -44,12 +48,35 @@ fn ray_width() -> f32 {
 fn texel_numbers(s: Surface, travelled: f32, pixel: vec2<u32>, depth: u32) -> vec2<f32> {
     let material = materials[s.material];
     let drawn = frame.sample > 0u || frame.mode == MODE_PATH;
-    if !with_assets || material.asset == NO_ASSET || frame.filtered == 0u || !drawn {
+    if !with_assets || material.asset == NO_ASSET || frame.filtered == FILTER_NEAREST || !drawn {
         return vec2<f32>(0.5);
     }
     let texels = texels_of_pixel(s, material, btf_size(material.asset, 0u), travelled);
     let part = clamp(-log2(texels), 0.0, 1.0);
     return 0.5 + part * (sampler_two(frame.sample, seed_of(pixel, depth, TEXEL_NUMBERS)) - 0.5);
+}
+
+// One of the texels whose light is summed at a vertex.
+struct TexelTap {
+    // The numbers that take it.
+    at: vec2<f32>,
+    weight: f32,
+}
+
+// Returns texel number `tap` of the four of a level that are summed at the vertex at `depth`, `travelled` from the eye; the
+// first one alone has a weight where texels are not interpolated.
+fn texel_tap(s: Surface, level: u32, travelled: f32, pixel: vec2<u32>, depth: u32, tap: u32) -> TexelTap {
+    let material = materials[s.material];
+    if !with_assets || material.asset == NO_ASSET || frame.filtered != FILTER_LINEAR || depth > 1u {
+        return TexelTap(texel_numbers(s, travelled, pixel, depth), select(0.0, 1.0, tap == 0u));
+    }
+    let size = vec2<f32>(btf_size(material.asset, level * btf_layers(material.asset)));
+    let uv = s.uv * material.uv_scale;
+    let upper = vec2<f32>(f32(tap & 1u), f32(tap >> 1u));
+    // Place between the middles of two texels.
+    let place = fract(fract(vec2<f32>(uv.x, 1.0 - uv.y)) * size + 0.5);
+    let weights = mix(1.0 - place, place, upper);
+    return TexelTap(upper, weights.x * weights.y);
 }
 
 // What a ray meets, displacement included.

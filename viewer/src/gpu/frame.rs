@@ -200,7 +200,7 @@ impl GpuFrame {
             volume_reach: volumes.map_or(0.0, |volumes| volumes.reach()),
             volume_slice: volumes.map_or(0.0, |volumes| volumes.slice()),
             widest_leaf: places.widest_leaf,
-            filtered: (options.filter == Filter::Stochastic).into(),
+            filtered: options.filter as u32,
             pad1: 0,
         }
     }

@@ -17,7 +17,7 @@ use crate::gpu::modules::{
 use crate::gpu::pieces::PieceLayout;
 use crate::gpu::walk_queries::{GpuWalkPlace, WalkQuery, WalkSum};
 use crate::light::sky_irradiance;
-use crate::options::{RenderMode, SkyLight};
+use crate::options::{Filter, RenderMode, SkyLight};
 use crate::volume::skin::{MAX_CELLS, NO_LINK, NO_VOLUME};
 use crate::volume::volumes::MAX_PASSAGES;
 use crate::volume::words::NO_PATTERNS;
@@ -263,6 +263,9 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("MODE_PATH", RenderMode::Path as u32),
         ("SKY_IRRADIANCE", SkyLight::Irradiance as u32),
         ("SHELL_TRIES", shader::SHELL_TRIES as u32),
+        ("TEXEL_TAPS", shader::TEXEL_TAPS),
+        ("FILTER_NEAREST", Filter::Nearest as u32),
+        ("FILTER_LINEAR", Filter::Linear as u32),
         ("LEVEL_CHOICE", shader::LEVEL_CHOICE),
         ("ENVIRONMENT_CHOICE", direct_light::ENVIRONMENT_CHOICE),
         ("LOBE_CHOICE", direct_light::LOBE_CHOICE),

@@ -5,3 +5,4 @@ pub(crate) mod engine;
 pub(crate) mod governor;
 pub(crate) mod headless;
 pub(crate) mod plan;
+mod plan_memory;

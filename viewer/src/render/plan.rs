@@ -3,6 +3,9 @@
 //! The cameras' rays tell the finest level that an asset is asked for. Fewer components and lobes are then tried, for
 //! all assets at once, until an asset's own pixels differ too much from those of the whole assets. What is left is
 //! written, loaded and drawn again: the error that is told is that of the files.
+//!
+//! Where the assets may take only so many bytes in memory, each is tried with packed bases of several sizes as well, and
+//! `plan_memory.rs` shares the bytes out among them by their pixels' errors.
 
 use crate::cpu::pick::count_levels;
 use crate::error::ViewerError;
@@ -10,9 +13,11 @@ use crate::options::RenderMode;
 use crate::picture::psnr_db;
 use crate::render::control::Control;
 use crate::render::headless::{RenderParams, Session};
+use crate::render::plan_memory::{Form, choose};
 use crate::scene::asset::{FileForm, SceneAsset};
 use crate::scene::scene::Scene;
-use btf_runtime::{Asset, DecodeOptions, LobeRole, pack};
+use btf_capture::text_from_bytes;
+use btf_runtime::{Asset, DecodeOptions, LobeRole, PackedGoal, ResidentFile, pack};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -20,6 +25,8 @@ use std::sync::Arc;
 const LEVEL_SHARE: f64 = 0.01;
 /// Limits that are tried, from the largest down.
 const LADDER: [u32; 16] = [0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 80, 96, 112];
+/// PSNR of the packed bases that are tried, dB, beside the whole ones.
+const PACKED_DB: [f32; 8] = [54.0, 48.0, 43.0, 39.0, 35.0, 31.0, 27.0, 23.0];
 /// Rounds in which limits are raised again where together they cost more than each alone.
 const MAX_ROUNDS: usize = 6;
 
@@ -40,6 +47,8 @@ pub struct PlannedAsset {
     pub lobes: [u32; 2],
     /// Bytes of the file, of the asset and of what is kept.
     pub bytes: [usize; 2],
+    /// Bytes in memory, of the asset and of what is kept.
+    pub resident_bytes: [usize; 2],
     /// PSNR of the asset's pixels against those of the whole asset, 8-bit sRGB, dB; `null` where it is not seen.
     pub psnr_db: Option<f64>,
     /// The file.
@@ -56,16 +65,26 @@ pub struct Plan {
     pub psnr_db: f64,
     /// Bytes of all files, before and after.
     pub bytes: [usize; 2],
+    /// Bytes of all assets in memory, before and after.
+    pub resident_bytes: [usize; 2],
 }
 
 /// Finds what `scene` needs of its assets, seen from each of `cameras` times `params.size` pixels, for pictures whose
-/// assets' pixels are within `goal_db` of those with whole assets.
+/// assets' pixels are within `goal_db` of those with whole assets. With `memory_bytes` the plan's files are resident
+/// forms that take at most so many bytes together, and the goal is only kept where these suffice.
 ///
-/// Cost: up to 32 pictures of each camera, and packing, reading and expanding the assets.
+/// Cost: up to 32 pictures of each camera, and packing, reading and expanding the assets; with `memory_bytes` 10
+/// pictures and expansions more.
 ///
 /// # Errors
-/// As [`crate::render`].
-pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Control) -> Result<Plan, ViewerError> {
+/// As [`crate::render`]; [`ViewerError::Usage`] where `memory_bytes` are too few.
+pub fn plan(
+    scene: &Scene,
+    params: &RenderParams,
+    goal_db: f64,
+    memory_bytes: Option<u64>,
+    control: &Control,
+) -> Result<Plan, ViewerError> {
     let forms = scene.assets.iter().map(|asset| asset.file_form()).collect::<Result<Vec<_>, _>>()?;
     let mut planner = Planner::new(scene, &forms, params, control)?;
     let mut seen: Vec<Vec<u64>> = Vec::new();
@@ -84,26 +103,37 @@ pub fn plan(scene: &Scene, params: &RenderParams, goal_db: f64, control: &Contro
     planner.search(&mut needs, goal_db, Limit::Components)?;
     planner.search(&mut needs, goal_db, Limit::Lobes)?;
     let mut rounds = 0..MAX_ROUNDS;
-    loop {
+    let kept = loop {
         let packed = needs
             .iter()
             .zip(&scene.assets)
             .zip(&forms)
             .map(|((need, asset), form)| need.pack(form, &asset.name))
             .collect::<Result<Vec<_>, _>>()?;
-        let (each, whole) = planner.errors_of(&packed)?;
-        let told = planner.tell(&needs, packed, &each, whole);
-        if rounds.next().is_none() {
-            return Ok(told);
-        }
+        let kept = planner.kept(packed)?;
         let mut raised = false;
-        for ((need, error), asset) in needs.iter_mut().zip(&each).zip(&forms) {
+        for ((need, error), asset) in needs.iter_mut().zip(&kept.errors).zip(&forms) {
             raised |= error.is_some_and(|error| error < goal_db) && need.raise(asset);
         }
-        if !raised {
-            return Ok(told);
+        if !raised || rounds.next().is_none() {
+            break kept;
         }
-    }
+    };
+    let kept = match memory_bytes {
+        None => kept,
+        Some(budget) => planner.within(budget, kept)?,
+    };
+    Ok(planner.tell(&needs, kept))
+}
+
+/// What is kept of all assets.
+struct Kept {
+    assets: Vec<Arc<SceneAsset>>,
+    files: Vec<Vec<u8>>,
+    /// PSNR of each asset's pixels.
+    errors: Vec<Option<f64>>,
+    /// PSNR of all pixels.
+    psnr_db: f64,
 }
 
 /// The number that the search lowers.
@@ -274,40 +304,82 @@ impl<'a> Planner<'a> {
         Ok(())
     }
 
-    /// Errors of each asset's pixels and of all, with these assets in place of the whole ones.
-    fn errors_of(&self, packed: &[Vec<u8>]) -> Result<(Vec<Option<f64>>, f64), ViewerError> {
-        let mut scene = self.scene.clone();
-        for (asset, bytes) in scene.assets.iter_mut().zip(packed) {
-            let parsed = Asset::parse(bytes);
-            let parsed = parsed.map_err(|source| ViewerError::Asset { path: asset.name.clone().into(), source })?;
-            *asset = Arc::new(SceneAsset::new(asset.name.clone(), parsed));
-        }
-        let mut session = Session::new(&scene, self.params, self.control)?;
-        let radiance = pictures(&mut session, &scene, self.params, self.control)?;
-        Ok((self.errors(&radiance), psnr_db(&radiance, &self.reference, self.scene.exposure_ev)))
+    /// Draws the pictures with these assets in place of the whole ones.
+    fn drawn(&self, assets: &[Arc<SceneAsset>]) -> Result<Radiance, ViewerError> {
+        let scene = Scene { assets: assets.to_vec(), ..self.scene.clone() };
+        pictures(&mut Session::new(&scene, self.params, self.control)?, &scene, self.params, self.control)
     }
 
-    fn tell(&self, needs: &[Need], packed: Vec<Vec<u8>>, each: &[Option<f64>], psnr_db: f64) -> Plan {
-        let assets = needs.iter().zip(&self.scene.assets).zip(self.forms).zip(packed).zip(each);
-        let assets: Vec<PlannedAsset> = assets
-            .map(|((((need, asset), form), packed), error)| {
-                let (whole, kept) = (&form.asset, form.level(need.level));
-                let [components, lobes] = most_of(whole);
+    /// Loads and draws the assets of packed files.
+    fn kept(&self, files: Vec<Vec<u8>>) -> Result<Kept, ViewerError> {
+        let loaded = |(asset, bytes): (&Arc<SceneAsset>, &Vec<u8>)| {
+            let loaded = SceneAsset::from_bytes(asset.name.clone(), bytes.clone());
+            loaded.map(Arc::new).map_err(|source| ViewerError::Asset { path: asset.name.clone().into(), source })
+        };
+        let assets = self.scene.assets.iter().zip(&files).map(loaded).collect::<Result<Vec<_>, _>>()?;
+        let radiance = self.drawn(&assets)?;
+        let psnr_db = psnr_db(&radiance, &self.reference, self.scene.exposure_ev);
+        Ok(Kept { assets, files, errors: self.errors(&radiance), psnr_db })
+    }
+
+    /// Packs what is kept in resident forms that take at most `budget` bytes together.
+    fn within(&self, budget: u64, kept: Kept) -> Result<Kept, ViewerError> {
+        let mut forms: Vec<Vec<Form>> = vec![Vec::new(); kept.assets.len()];
+        let mut add = |assets: &[Arc<SceneAsset>], errors: &[Option<f64>]| {
+            for (((forms, asset), error), number) in forms.iter_mut().zip(assets).zip(errors).zip(0..) {
+                let pixels = self.shown.iter().filter(|shown| **shown == Some(number)).count() as f64;
+                let error = error.map_or(0.0, |db| pixels * 10f64.powf(-db / 10.0));
+                forms.push(Form { bytes: 4 * asset.head().words().len() as u64, error });
+            }
+        };
+        add(&kept.assets, &kept.errors);
+        let at = |rung: usize, asset: &Arc<SceneAsset>| match rung.checked_sub(1) {
+            None => asset.clone(),
+            Some(packed) => Arc::new(asset.packed(PackedGoal::of_psnr(PACKED_DB[packed]))),
+        };
+        for rung in 1..=PACKED_DB.len() {
+            let assets: Vec<Arc<SceneAsset>> = kept.assets.iter().map(|asset| at(rung, asset)).collect();
+            add(&assets, &self.errors(&self.drawn(&assets)?));
+        }
+        let Some(chosen) = choose(&forms, budget) else {
+            let least: u64 = forms.iter().flat_map(|forms| forms.iter().map(|form| form.bytes).min()).sum();
+            return Err(ViewerError::Usage(format!(
+                "the scene's assets take {} in memory at least; allow that with --memory-budget",
+                text_from_bytes(least)
+            )));
+        };
+        let file = |(asset, rung): (&Arc<SceneAsset>, usize)| {
+            let FileForm { whole, .. } = asset.file_form()?;
+            let packed = ResidentFile::with_words(whole.clone(), at(rung, asset).resident().clone()).pack();
+            packed.map_err(|source| ViewerError::Asset { path: asset.name.clone().into(), source })
+        };
+        self.kept(kept.assets.iter().zip(chosen).map(file).collect::<Result<_, _>>()?)
+    }
+
+    fn tell(&self, needs: &[Need], kept: Kept) -> Plan {
+        let Kept { assets: held, files, errors, psnr_db } = kept;
+        let whole = self.scene.assets.iter().zip(self.forms).zip(needs);
+        let assets: Vec<PlannedAsset> = whole
+            .zip(held.iter().zip(files).zip(errors))
+            .map(|(((asset, form), need), ((held, packed), error))| {
+                let [components, lobes] = most_of(&form.asset);
                 PlannedAsset {
                     name: asset.name.clone(),
                     pixels: need.pixels,
                     level: need.level,
-                    texels: [[whole.width, whole.height], [kept.width, kept.height]],
+                    texels: [asset, held].map(|it| [it.head().width() as usize, it.head().height() as usize]),
                     components: [components, need.components.min(need.most[0])],
                     lobes: [lobes, need.lobes.min(need.most[1])],
-                    bytes: [pack(whole).map_or(0, |bytes| bytes.len()), packed.len()],
-                    psnr_db: *error,
+                    bytes: [pack(&form.asset).map_or(0, |bytes| bytes.len()), packed.len()],
+                    resident_bytes: [asset, held].map(|it| 4 * it.head().words().len()),
+                    psnr_db: error,
                     packed,
                 }
             })
             .collect();
-        let bytes = [0, 1].map(|i| assets.iter().map(|asset| asset.bytes[i]).sum());
-        Plan { assets, psnr_db, bytes }
+        let sum = |of: fn(&PlannedAsset) -> [usize; 2]| [0, 1].map(|i| assets.iter().map(|asset| of(asset)[i]).sum());
+        let (bytes, resident_bytes) = (sum(|asset| asset.bytes), sum(|asset| asset.resident_bytes));
+        Plan { bytes, resident_bytes, assets, psnr_db }
     }
 }
 
@@ -335,7 +407,7 @@ mod tests {
         let asset = Arc::new(SceneAsset::built_in());
         let mut scene = Scene::built_in(&MeshChoice::Plane, vec![asset], [1.0; 2]).unwrap();
         scene.camera = Camera { eye: Vec3::Z * distance, target: Vec3::ZERO, up: Vec3::Y, fov_deg: 30.0 };
-        plan(&scene, &params(), goal_db, &Control::SILENT).unwrap()
+        plan(&scene, &params(), goal_db, None, &Control::SILENT).unwrap()
     }
 
     #[test]
@@ -360,16 +432,38 @@ mod tests {
     }
 
     #[test]
+    fn a_budget_of_memory_is_kept_and_spent_where_pixels_are() {
+        let assets = vec![Arc::new(SceneAsset::built_in()), Arc::new(SceneAsset::built_in())];
+        let mut scene = Scene::built_in(&MeshChoice::Plane, assets, [1.0; 2]).unwrap();
+        // Most of the picture shows the first plane, its right rim the second one.
+        scene.camera = Camera { eye: Vec3::new(-0.7, 0.0, 2.0), target: Vec3::X * -0.7, up: Vec3::Y, fov_deg: 50.0 };
+        let params = RenderParams { size: [24, 24], ..params() };
+        let plan = |bytes| super::plan(&scene, &params, 20.0, bytes, &Control::SILENT);
+        let whole: usize = scene.assets.iter().map(|asset| 4 * asset.head().words().len()).sum();
+        let budget = whole as u64 / 8;
+        let tight = plan(Some(budget)).unwrap();
+        assert!(tight.resident_bytes[0] == whole && tight.resident_bytes[1] as u64 <= budget);
+        let [first, second] = [&tight.assets[0], &tight.assets[1]];
+        assert!(first.pixels > 2 * second.pixels && second.pixels > 0, "{} {}", first.pixels, second.pixels);
+        let [near, rim] = [first, second].map(|asset| asset.resident_bytes[1]);
+        assert!(near >= rim, "{near} {rim}");
+        // The files are what was drawn.
+        let held = SceneAsset::from_bytes("held", first.packed.clone()).unwrap();
+        assert!(held.file.is_none() && 4 * held.head().words().len() == near);
+        assert!(plan(Some(1000)).err().is_some_and(|error| error.to_string().contains("--memory-budget")));
+    }
+
+    #[test]
     fn what_nobody_sees_is_kept_at_its_coarsest() {
         let (seen, unseen) = (Arc::new(SceneAsset::built_in()), Arc::new(SceneAsset::built_in()));
         let mut scene = Scene::built_in(&MeshChoice::Plane, vec![seen, unseen], [1.0; 2]).unwrap();
         // The second plane stands to the right of the first.
         scene.camera = Camera { eye: Vec3::new(-1.15, 0.0, 2.0), target: Vec3::X * -1.15, up: Vec3::Y, fov_deg: 30.0 };
-        let plan = plan(&scene, &params(), 30.0, &Control::SILENT).unwrap();
+        let plan = plan(&scene, &params(), 30.0, None, &Control::SILENT).unwrap();
         assert_eq!((plan.assets[1].pixels, plan.assets[1].texels[1], plan.assets[1].psnr_db), (0, [1, 1], None));
         assert_eq!(plan.assets[0].level, 0);
         // From a second camera it is seen.
         scene.more_cameras = vec![Camera { eye: Vec3::new(1.15, 0.0, 2.0), target: Vec3::X * 1.15, ..scene.camera }];
-        assert_eq!(super::plan(&scene, &params(), 30.0, &Control::SILENT).unwrap().assets[1].level, 0);
+        assert_eq!(super::plan(&scene, &params(), 30.0, None, &Control::SILENT).unwrap().assets[1].level, 0);
     }
 }

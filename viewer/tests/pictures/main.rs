@@ -4,6 +4,7 @@
 mod diffuse_sheets;
 mod expansion;
 mod extremes;
+mod filters;
 mod gpu;
 mod layers;
 mod leaves;
