@@ -11,6 +11,7 @@ use crate::gpu::backend::BackendChoice;
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
 use crate::scene::scene::Scene;
+use glam::Vec3;
 
 /// State of the window's controls beside the scene.
 pub(super) struct Controls {
@@ -19,6 +20,8 @@ pub(super) struct Controls {
     pub renderers: Vec<Renderer>,
     pub settings: Settings,
     pub thumbnails: Thumbnails,
+    /// What drags turn the camera about, where a double click chose it; world.
+    pub pivot: Option<Vec3>,
     /// The turntable that is being written.
     pub turntable: Option<Turntable>,
     /// The question what becomes of unsaved edits, while it is asked.
@@ -36,6 +39,7 @@ impl Controls {
             renderers,
             settings,
             thumbnails: Thumbnails::default(),
+            pivot: None,
             turntable: None,
             dialog: None,
             help: false,
@@ -47,6 +51,7 @@ impl Controls {
     pub fn switch_scene(&mut self, scene: &Scene) {
         self.panel = Panel::new(scene, self.panel.shade, self.panel.renderer);
         self.thumbnails = Thumbnails::default();
+        self.pivot = None;
     }
 
     /// Begins a turntable, unless one is being written.

@@ -16,7 +16,9 @@ const LONGEST_FLIGHT_S: f32 = 0.1;
 const TOOL_KEYS: [(Key, Tool); 4] =
     [(Key::Num1, Tool::Look), (Key::Num2, Tool::Brush), (Key::Num3, Tool::Cluster), (Key::Num4, Tool::Eraser)];
 /// Keys of the window, for its help.
-const KEYS: &str = "drag: turn; Shift or right drag: move; wheel: nearer\n\
+const KEYS: &str = "drag: turn; Shift or right drag: move\n\
+    wheel: nearer to what is under the mouse, never through it\n\
+    double click: drags turn about that point; beside everything: about the middle\n\
     W A S D, Q E: fly; F: drags look around instead of turning\n\
     L: lights' handles, which drags move\n\
     C: split view, whose line drags move; X: difference\n\

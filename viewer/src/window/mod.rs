@@ -18,6 +18,7 @@ mod settings;
 mod side;
 mod split;
 mod view;
+mod zoom;
 
 use crate::error::ViewerError;
 use crate::scene::scene::Scene;

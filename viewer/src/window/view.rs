@@ -172,7 +172,7 @@ impl View {
         self.edit(ui, &area, &mut asked);
         self.take_over(&mut asked, at_hand);
         let View { document, pictures, controls, .. } = self;
-        area.move_camera(ui, document, &controls.settings);
+        area.move_camera(ui, document, &controls.settings, &mut controls.pivot);
         if controls.dialog.is_none() {
             follow_keys(ui, document, &mut pictures.split, controls, &mut asked);
         }
