@@ -4,6 +4,7 @@
 mod blit;
 mod canvas;
 mod controls;
+mod cpu_canvas;
 mod editing;
 mod files;
 mod keys;
@@ -11,12 +12,14 @@ mod light_handles;
 mod mouse;
 mod panels;
 mod pictures;
+mod preparing;
 mod pressed;
 mod progress;
 mod renderer;
 mod settings;
 mod side;
 mod split;
+mod stand_in;
 mod view;
 mod zoom;
 
