@@ -1,6 +1,6 @@
 //! The window of the real program, under Xvfb, with a real mouse and real keys (xdotool): a light is dragged, an asset
 //! is painted on and saved, closing asks where edits are unsaved, the wheel stops before surfaces, a double click chooses
-//! what drags turn about, and the window is drawn and closes while shaders are being compiled.
+//! what drags turn about, a file is chosen, and the window is drawn and closes while shaders are being compiled.
 //!
 //! Where Xvfb, xdotool or a Vulkan driver are missing, the test says so and is counted as skipped; in CI (`CI`
 //! or `BTF_CI` is set) it fails instead. `BTF_SKIP_GPU=1` leaves it out, because the window needs a driver to
@@ -373,6 +373,35 @@ fn the_wheel_stops_before_the_surface_and_a_double_click_chooses_what_drags_turn
     assert!(once < 1.0 && twice < 1.0, "clicks change the picture by {once} and {twice}");
     let differs = difference(&about_middle, &about_place);
     assert!(differs > 5.0, "the drags' pictures differ by {differs}");
+}
+
+#[test]
+fn a_file_is_chosen_and_opened_with_the_keyboard() {
+    if is_left_out() {
+        return;
+    }
+    let (dir, _path) = folder_with_asset();
+    std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+        .unwrap();
+    let display = Display::open();
+    let mut viewer = Viewer::open(&display, dir.path(), "weave.spmm");
+    let sphere = viewer.picture();
+    // Escape leaves everything as it was; the dialog has the keys until then.
+    viewer.press("ctrl+o");
+    std::thread::sleep(HESITATION);
+    viewer.press("Down");
+    viewer.press("Escape");
+    viewer.wait_until_keys_are_followed();
+    let still = viewer.picture();
+    viewer.press("ctrl+o");
+    // The folder is read on another thread.
+    std::thread::sleep(HESITATION);
+    viewer.press("Down");
+    viewer.press("Return");
+    viewer.wait_until_keys_are_followed();
+    let triangle = viewer.picture();
+    let [same, other] = [&still, &triangle].map(|picture| difference(&sphere, picture));
+    assert!(same < 1.0 && other > 5.0, "no choice changes the picture by {same}, another mesh by {other}");
 }
 
 #[test]

@@ -26,6 +26,7 @@ const KEYS: &str = "drag: turn; Shift or right drag: move\n\
     B: the wind blows or stands still\n\
     1 2 3 4: look, brush, cluster, eraser\n\
     Ctrl+Z, Ctrl+Shift+Z: edits back and forth\n\
+    Ctrl+O: a file to open is chosen\n\
     Ctrl+S: all edits saved; Ctrl+Q: window closed\n\
     drop .spmm on what it is to cover, or to compare a leaf with; .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
     H or F1: this";
@@ -62,7 +63,9 @@ pub(super) fn follow_keys(
     controls: &mut Controls,
     asked: &mut Asked,
 ) {
-    let [save, close] = ui.input_mut(|input| [Key::S, Key::Q].map(|key| input.consume_key(Modifiers::COMMAND, key)));
+    let keys = [Key::O, Key::S, Key::Q];
+    let [choose, save, close] = ui.input_mut(|input| keys.map(|key| input.consume_key(Modifiers::COMMAND, key)));
+    asked.choose |= choose;
     asked.save |= save;
     asked.close |= close;
     if ui.ctx().egui_wants_keyboard_input() {

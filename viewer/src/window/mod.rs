@@ -7,6 +7,7 @@ mod controls;
 mod cpu_canvas;
 mod editing;
 mod files;
+mod folder;
 mod keys;
 mod light_handles;
 mod mouse;

@@ -177,7 +177,7 @@ impl View {
         self.take_over(&mut asked, at_hand);
         let View { document, pictures, controls, .. } = self;
         area.move_camera(ui, document, &controls.settings, &mut controls.pivot);
-        if controls.dialog.is_none() {
+        if !controls.asks() {
             follow_keys(ui, document, &mut pictures.split, controls, &mut asked);
         }
         if controls.settings.light_handles && !is_painting(ui, document) {
@@ -187,6 +187,10 @@ impl View {
         if controls.help {
             show_help(ui, area.rect);
         }
+        if asked.choose {
+            self.controls.choose_file();
+        }
+        asked.open = self.controls.show_open_dialog(ui).or(asked.open.take());
         self.take_files(ui, &area, &mut asked);
         self.do_the_rest(&mut asked);
         self.ask_about_unsaved(ui, &mut asked);
@@ -236,7 +240,7 @@ impl View {
         if let Some(asset) = area.paint(ui, document) {
             asked.edited = Some(asset);
         }
-        let moved = self.controls.dialog.is_none() && undo_and_redo(ui, document, asked);
+        let moved = !self.controls.asks() && undo_and_redo(ui, document, asked);
         if !moved && !ui.input(|input| input.pointer.any_down()) {
             document.editor.close(&document.scene);
             document.physiology.close(&document.scene);

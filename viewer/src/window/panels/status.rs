@@ -43,7 +43,9 @@ impl Status<'_> {
             (None, Some(ms)) => ui.label(format!("{ms:.2} ms per frame ({})", self.timer)),
             (None, None) => ui.label("measuring"),
         };
-        if let Some(PassTimes { camera_ms, volume_ms, light_ms, bounce_ms }) = progress.passes {
+        if let (None, Some(PassTimes { camera_ms, volume_ms, light_ms, bounce_ms })) =
+            (self.preparation, progress.passes)
+        {
             let volumes = if volume_ms > 0.0 { format!("volumes {volume_ms:.2}, ") } else { String::new() };
             ui.small(format!("camera {camera_ms:.2}, {volumes}light {light_ms:.2}, further rays {bounce_ms:.2} ms"));
         }
