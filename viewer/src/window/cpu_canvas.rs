@@ -31,8 +31,13 @@ impl CpuCanvas {
 
     /// Adds a sample to every pixel.
     pub fn add_sample(&mut self, gpu: &Gpu, scene: &Scene, options: &ShadeOptions) {
-        let picture = &mut self.picture;
-        picture.add_sample(scene, options, &|| true);
+        self.picture.add_sample(scene, options, &|| true);
+        self.upload(gpu);
+    }
+
+    /// Brings the picture into its buffer.
+    pub fn upload(&self, gpu: &Gpu) {
+        let picture = &self.picture;
         let drawn = picture.sums.iter().zip(&picture.hits);
         let pixels: Vec<GpuPixel> = drawn.map(|(sum, hit)| GpuPixel::of_sum(*sum, picture.samples, hit)).collect();
         gpu.queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(&pixels));

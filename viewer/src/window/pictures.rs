@@ -91,7 +91,7 @@ impl Pictures {
     }
 
     /// Adds a sample to pictures for an area of `view` pixels, unless they have all they need. While a renderer is made
-    /// ready, the samples are those of the picture that stands in.
+    /// ready, another picture stands in.
     pub fn advance(&mut self, document: &Document, renderer: Renderer, shade: &ShadeOptions, view: [u32; 2]) {
         let advanced = self.take_ready(document).and_then(|()| {
             let size = picture_size(renderer, view);
@@ -101,10 +101,7 @@ impl Pictures {
             if self.progress.samples < self.most_samples(&document.scene) {
                 self.add_sample(document, renderer, shade, size)?;
             }
-            if self.side.draws_stand_in() {
-                self.side.add_to_stand_in(&self.devices.window, &document.scene, view)?;
-            }
-            Ok(())
+            self.side.stand_in(&self.devices.window, &document.scene, view)
         });
         if let Err(error) = advanced {
             // A renderer that fails leaves the window and its panel alive, with the others to switch to.
@@ -156,12 +153,9 @@ impl Pictures {
         self.side.preparation().or(other.map(|line| format!("for the comparison: {line}")))
     }
 
-    /// Tells whether the next frame shows something else than this one.
+    /// Tells whether the next frame is to have another sample at once.
     pub fn go_on(&self, scene: &Scene) -> bool {
-        match self.side.preparation() {
-            Some(_) => self.side.draws_stand_in(),
-            None => !self.are_finished(scene),
-        }
+        self.side.preparation().is_none() && !self.are_finished(scene)
     }
 
     /// Returns how many samples per pixel the pictures get.

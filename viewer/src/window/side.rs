@@ -28,7 +28,7 @@ pub(crate) struct Side {
     /// The renderer that is being made ready.
     preparing: Option<Preparing>,
     /// What is shown meanwhile.
-    stand_in: Option<StandIn>,
+    stand_in: StandIn,
     tracer: Option<Tracer>,
     /// The bands of the tracer's picture on the window's device, where that is another.
     copies: Vec<wgpu::Buffer>,
@@ -60,15 +60,15 @@ pub(crate) struct Took {
 impl Side {
     /// Returns width and height of what is shown, pixels.
     pub(crate) fn size(&self) -> Option<[u32; 2]> {
-        let stand_in = self.stand_in.as_ref().map(|stand_in| stand_in.canvas().size());
+        let stand_in = self.stand_in.canvas().map(CpuCanvas::size);
         let cpu = self.cpu.as_ref().map(CpuCanvas::size);
         stand_in.or(self.tracer.as_ref().and_then(Tracer::size)).or(cpu)
     }
 
     /// Returns the rows of what is shown, from the top.
     pub(crate) fn rows(&self) -> Vec<Rows<'_>> {
-        match (&self.stand_in, &self.tracer, &self.cpu) {
-            (Some(stand_in), _, _) => vec![Rows::of_canvas(stand_in.canvas())],
+        match (self.stand_in.canvas(), &self.tracer, &self.cpu) {
+            (Some(canvas), _, _) => vec![Rows::of_canvas(canvas)],
             (None, Some(tracer), _) => {
                 let rows = tracer.bands().iter().enumerate().map(|(number, band)| Rows {
                     first: band.first_row,
@@ -85,11 +85,6 @@ impl Side {
     /// Returns what is being done to make the renderer ready, for the user; `None` where it is.
     pub(crate) fn preparation(&self) -> Option<String> {
         self.preparing.as_ref().map(Preparing::line)
-    }
-
-    /// Tells whether the stand-in for a picture wants more samples.
-    pub(crate) fn draws_stand_in(&self) -> bool {
-        self.preparing.is_some() && self.stand_in.as_ref().is_none_or(|stand_in| !stand_in.is_finished())
     }
 
     /// Takes over a change of the scene.
@@ -112,7 +107,7 @@ impl Side {
         let Some(made) = self.preparing.as_ref().and_then(|preparing| preparing.poll(scene)) else { return Ok(false) };
         self.preparing = None;
         self.tracer = made?;
-        self.stand_in = None;
+        self.stand_in = StandIn::default();
         Ok(true)
     }
 
@@ -178,23 +173,20 @@ impl Side {
         Ok(())
     }
 
-    /// Adds a sample to the picture that stands in while the renderer is made ready, for an area of `view` pixels.
+    /// Goes on with the picture that stands in while the renderer is made ready, for an area of `view` pixels.
     ///
     /// # Errors
     /// What the driver reported.
-    pub(crate) fn add_to_stand_in(&mut self, gpu: &Gpu, scene: &Scene, view: [u32; 2]) -> Result<(), ViewerError> {
-        let mut stand_in = match self.stand_in.take().filter(|stand_in| stand_in.fits(view)) {
-            Some(stand_in) => stand_in,
-            None => StandIn::new(gpu, view)?,
-        };
-        stand_in.add_sample(gpu, scene);
-        self.stand_in = Some(stand_in);
-        Ok(())
+    pub(crate) fn stand_in(&mut self, gpu: &Gpu, scene: &Scene, view: [u32; 2]) -> Result<(), ViewerError> {
+        match self.preparing {
+            Some(_) => self.stand_in.advance(gpu, scene, view),
+            None => Ok(()),
+        }
     }
 
-    /// Has the stand-in begin anew, if there is one.
+    /// Has the picture that stands in begin anew.
     pub(crate) fn restart_stand_in(&mut self) {
-        self.stand_in = None;
+        self.stand_in.restart();
     }
 
     /// Reads the mean linear radiance of the picture at hand; `None` before its first sample.
