@@ -14,8 +14,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
-/// Interval at which the window asks whether a renderer is ready.
-pub(super) const POLL: Duration = Duration::from_millis(50);
+/// Interval at which the window asks whether a thread's work is done. Each time it draws itself, on software drivers with
+/// the processors that compile: a tenth of one at this interval.
+pub(super) const POLL: Duration = Duration::from_millis(100);
 
 /// What the thread has made: a tracer, or nothing where the CPU renders.
 type Made = Result<Option<Tracer>, ViewerError>;
@@ -71,7 +72,7 @@ impl Preparing {
             Ok(made) => made,
             Err(TryRecvError::Empty) => return None,
             Err(TryRecvError::Disconnected) => {
-                Err(ViewerError::Window("the thread that prepares the renderer has failed".into()))
+                Err(ViewerError::Usage("the renderer could not be made ready; choose another backend".into()))
             }
         };
         Some(made.map(|tracer| {
