@@ -63,6 +63,7 @@ impl Pictures {
 
     /// Begins anew with another renderer, which uploads the scene anew and compiles.
     pub fn switch_renderer(&mut self, document: &Document) {
+        self.leave_busy_device();
         self.side = Side::default();
         self.progress.forget_renderer();
         self.split.reset(&document.scene, document.at_hand());
@@ -70,12 +71,24 @@ impl Pictures {
 
     /// Begins anew with another scene.
     pub fn switch_scene(&mut self, document: &Document) {
+        self.leave_busy_device();
         let scene = &document.scene;
         self.side = Side::default();
         self.split.reset(scene, document.at_hand());
         let governor = &mut self.progress.governor;
         *governor = governor.as_ref().map(|it| Governor::new(it.budget_ms(), Spending::all_of(scene)));
         self.progress.problem = None;
+    }
+
+    /// Leaves the tracing device to a thread that still compiles on it, now for nobody: a software driver has everything
+    /// else wait. For both pictures to begin anew.
+    fn leave_busy_device(&mut self) {
+        if self.preparation().is_some()
+            && let Ok(tracing) = self.devices.window.for_tracing()
+        {
+            self.timer = GpuTimer::new(&tracing);
+            self.devices.tracing = tracing;
+        }
     }
 
     /// Takes over a change of the scene.
