@@ -30,6 +30,8 @@ const HESITATION: Duration = Duration::from_secs(3);
 const CLOSING: Duration = Duration::from_secs(10);
 /// Time in which the turns of a wheel come to rest: the window spreads them over some frames.
 const SCROLLING: Duration = Duration::from_secs(2);
+/// Largest difference of a picture's first samples from its later ones, steps of 8 bits; 1.2 were seen.
+const SETTLING: f64 = 4.0;
 /// Names of the window, without and with unsaved edits.
 const TITLES: [&str; 2] = ["BTF viewer", "* BTF viewer"];
 
@@ -355,7 +357,10 @@ fn the_wheel_stops_before_the_surface_and_a_double_click_chooses_what_drags_turn
     let near = viewer.picture();
     let mean = near.as_raw().iter().map(|x| f64::from(*x)).sum::<f64>() / near.as_raw().len() as f64;
     let changed = difference(&before, &near);
-    assert!(moved < 4.0 && changed > 10.0, "out and in changes the picture by {moved}, to the surface by {changed}");
+    assert!(
+        moved < SETTLING && changed > 5.0 * SETTLING,
+        "out and in changes the picture by {moved}, to the surface by {changed}"
+    );
     assert!(mean > 20.0, "after sixty clicks the picture has a mean of {mean} of 255");
     drop(viewer);
 
@@ -370,9 +375,12 @@ fn the_wheel_stops_before_the_surface_and_a_double_click_chooses_what_drags_turn
         (difference(&before, &clicked), viewer.picture())
     };
     let [(once, about_middle), (twice, about_place)] = [1, 2].map(turned);
-    assert!(once < 1.0 && twice < 1.0, "clicks change the picture by {once} and {twice}");
+    assert!(once < SETTLING && twice < SETTLING, "clicks change the picture by {once} and {twice}");
     let differs = difference(&about_middle, &about_place);
-    assert!(differs > 5.0, "the drags' pictures differ by {differs}");
+    println!(
+        "wheel: out and in {moved:.1}, nearer {changed:.1}, mean {mean:.0}; clicks {once:.2}, {twice:.2}; drags {differs:.1}"
+    );
+    assert!(differs > 2.0 * SETTLING, "the drags' pictures differ by {differs}");
 }
 
 #[test]
@@ -401,7 +409,10 @@ fn a_file_is_chosen_and_opened_with_the_keyboard() {
     viewer.wait_until_keys_are_followed();
     let triangle = viewer.picture();
     let [same, other] = [&still, &triangle].map(|picture| difference(&sphere, picture));
-    assert!(same < 1.0 && other > 5.0, "no choice changes the picture by {same}, another mesh by {other}");
+    assert!(
+        same < SETTLING && other > 5.0 * SETTLING,
+        "no choice changes the picture by {same}, another mesh by {other}"
+    );
 }
 
 #[test]
