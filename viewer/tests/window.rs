@@ -1,5 +1,6 @@
 //! The window of the real program, under Xvfb, with a real mouse and real keys (xdotool): a light is dragged, an asset
-//! is painted on and saved, and closing asks where edits are unsaved.
+//! is painted on and saved, closing asks where edits are unsaved, the wheel stops before surfaces, a double click chooses
+//! what drags turn about, a file is chosen, and the window is drawn and closes while shaders are being compiled.
 //!
 //! Where Xvfb, xdotool or a Vulkan driver are missing, the test says so and is counted as skipped; in CI (`CI`
 //! or `BTF_CI` is set) it fails instead. `BTF_SKIP_GPU=1` leaves it out, because the window needs a driver to
@@ -25,6 +26,12 @@ const HANDLE_RADII: f32 = 1.15;
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Time after which a window that does not ask would have closed.
 const HESITATION: Duration = Duration::from_secs(3);
+/// Longest time that closing takes: what goes on is not waited for.
+const CLOSING: Duration = Duration::from_secs(10);
+/// Time in which the turns of a wheel come to rest: the window spreads them over some frames.
+const SCROLLING: Duration = Duration::from_secs(2);
+/// Largest difference of a picture's first samples from its later ones, steps of 8 bits; 1.2 were seen.
+const SETTLING: f64 = 4.0;
 /// Names of the window, without and with unsaved edits.
 const TITLES: [&str; 2] = ["BTF viewer", "* BTF viewer"];
 
@@ -64,22 +71,38 @@ impl Drop for Running {
 struct Display {
     _server: Running,
     name: String,
+    /// Where the server keeps what its screen shows.
+    folder: tempfile::TempDir,
 }
 
 impl Display {
     fn open() -> Display {
         let size = format!("{}x{}x24", SIZE[0] + 100, SIZE[1] + 100);
+        let folder = tempfile::tempdir().unwrap();
         // Without -noreset the server starts anew, and refuses connections meanwhile, whenever its last client leaves:
         // each xdotool that runs before the program is connected.
         let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", &size, "-nolisten", "tcp", "-noreset"])
+            .args(["-displayfd", "1", "-screen", "0", &size, "-nolisten", "tcp", "-noreset", "-fbdir"])
+            .arg(folder.path())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
         let mut number = String::new();
         BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        Display { _server: Running(server), name: format!(":{}", number.trim()) }
+        Display { _server: Running(server), name: format!(":{}", number.trim()), folder }
+    }
+
+    /// Counts the colours in columns of the screen, from the server's picture of it: big-endian numbers of 4 bytes, of
+    /// which the first tells where its table of colours begins, number 12 the bytes of a row and number 19 the colours in
+    /// that table, 12 bytes each; then pixels of 4 bytes.
+    fn count_colours(&self, columns: std::ops::Range<u32>) -> usize {
+        let screen = std::fs::read(self.folder.path().join("Xvfb_screen0")).unwrap();
+        let number = |at: usize| u32::from_be_bytes(screen[4 * at..4 * at + 4].try_into().unwrap()) as usize;
+        let (rows, row_bytes) = (&screen[number(0) + 12 * number(19)..], number(12));
+        let [left, right] = [columns.start, columns.end].map(|column| 4 * column as usize);
+        let pixels = rows.chunks_exact(row_bytes).flat_map(|row| row[left..right].chunks_exact(4));
+        pixels.collect::<std::collections::HashSet<_>>().len()
     }
 
     /// Moves the mouse, presses keys and asks about windows; returns what xdotool prints.
@@ -98,13 +121,23 @@ struct Viewer<'a> {
 }
 
 impl Viewer<'_> {
-    /// Opens an asset in `folder`, where the program also keeps its settings and its pictures.
+    /// Opens an asset in `folder`, where the program also keeps its settings and its pictures, and waits until it follows
+    /// its keys.
     fn open<'a>(display: &'a Display, folder: &Path, asset: &str) -> Viewer<'a> {
+        let mut viewer = Viewer::start(display, folder, asset, "cpu");
+        // Keys are lost until the window has the keyboard.
+        viewer.wait_until_keys_are_followed();
+        viewer
+    }
+
+    /// Opens an asset with a backend; what Mesa has compiled before is not used.
+    fn start<'a>(display: &'a Display, folder: &Path, asset: &str, backend: &str) -> Viewer<'a> {
         let program = Command::new(env!("CARGO_BIN_EXE_btf-view"))
-            .args([asset, "--backend", "cpu", "--size", &format!("{}x{}", SIZE[0], SIZE[1])])
+            .args([asset, "--backend", backend, "--size", &format!("{}x{}", SIZE[0], SIZE[1])])
             .current_dir(folder)
             .env("DISPLAY", &display.name)
             .env("XDG_CONFIG_HOME", folder)
+            .env("MESA_SHADER_CACHE_DISABLE", "true")
             .env_remove("WAYLAND_DISPLAY")
             .env_remove("WAYLAND_SOCKET")
             .spawn()
@@ -117,8 +150,6 @@ impl Viewer<'_> {
         });
         // Without a window manager nobody else gives the window the keyboard.
         display.xdotool(&["windowfocus", "--sync", &viewer.window]);
-        // Keys are lost until the window has the keyboard.
-        viewer.wait_until_keys_are_followed();
         viewer
     }
 
@@ -215,6 +246,14 @@ impl Viewer<'_> {
         self.settle();
     }
 
+    /// Moves the mouse to a place of the window and clicks a button there.
+    fn click(&self, [x, y]: [f32; 2], button: &str, times: u32) {
+        let [x, y] = [x, y].map(|x| x.round().to_string());
+        self.display.xdotool(&["mousemove", "--window", &self.window, &x, &y]);
+        // Close together, so that two are a double click although a frame takes long.
+        self.display.xdotool(&["click", "--repeat", &times.to_string(), "--delay", "20", button]);
+    }
+
     /// Chooses the brush and paints on the middle of the picture, where the asset is.
     fn paint(&mut self) {
         self.press("2");
@@ -295,4 +334,111 @@ fn a_light_is_dragged_edits_are_saved_and_closing_asks_about_unsaved_ones() {
     viewer.press("d");
     assert_eq!(viewer.exit_code(), Some(0));
     assert!(!dir.path().join("weave_edited.spmm").exists() && std::fs::read(&path).unwrap() == original);
+}
+
+#[test]
+fn the_wheel_stops_before_the_surface_and_a_double_click_chooses_what_drags_turn_about() {
+    if is_left_out() {
+        return;
+    }
+    let (dir, _path) = folder_with_asset();
+    let display = Display::open();
+    let mut viewer = Viewer::open(&display, dir.path(), "weave.spmm");
+    let off_middle = [0.3 * (SIZE[0] - PANEL_WIDTH) as f32, 0.45 * SIZE[1] as f32];
+    // The sphere nearly fills the picture; from within it would be black.
+    let before = viewer.picture();
+    viewer.click(off_middle, "5", 3);
+    viewer.click(off_middle, "4", 3);
+    std::thread::sleep(SCROLLING);
+    let back = viewer.picture();
+    let moved = difference(&before, &back);
+    viewer.click(off_middle, "4", 60);
+    std::thread::sleep(SCROLLING);
+    let near = viewer.picture();
+    let mean = near.as_raw().iter().map(|x| f64::from(*x)).sum::<f64>() / near.as_raw().len() as f64;
+    let changed = difference(&before, &near);
+    assert!(
+        moved < SETTLING && changed > 5.0 * SETTLING,
+        "out and in changes the picture by {moved}, to the surface by {changed}"
+    );
+    assert!(mean > 20.0, "after sixty clicks the picture has a mean of {mean} of 255");
+    drop(viewer);
+
+    // The same drag, about the middle and about a place that a double click chose.
+    let turned = |clicks: u32| {
+        let (dir, _path) = folder_with_asset();
+        let mut viewer = Viewer::open(&display, dir.path(), "weave.spmm");
+        let before = viewer.picture();
+        viewer.click(off_middle, "1", clicks);
+        let clicked = viewer.picture();
+        viewer.drag([0.5 * (SIZE[0] - PANEL_WIDTH) as f32, 0.7 * SIZE[1] as f32], [60.0, 20.0]);
+        (difference(&before, &clicked), viewer.picture())
+    };
+    let [(once, about_middle), (twice, about_place)] = [1, 2].map(turned);
+    assert!(once < SETTLING && twice < SETTLING, "clicks change the picture by {once} and {twice}");
+    let differs = difference(&about_middle, &about_place);
+    println!(
+        "wheel: out and in {moved:.1}, nearer {changed:.1}, mean {mean:.0}; clicks {once:.2}, {twice:.2}; drags {differs:.1}"
+    );
+    assert!(differs > 2.0 * SETTLING, "the drags' pictures differ by {differs}");
+}
+
+#[test]
+fn a_file_is_chosen_and_opened_with_the_keyboard() {
+    if is_left_out() {
+        return;
+    }
+    let (dir, _path) = folder_with_asset();
+    std::fs::write(dir.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+        .unwrap();
+    let display = Display::open();
+    let mut viewer = Viewer::open(&display, dir.path(), "weave.spmm");
+    let sphere = viewer.picture();
+    // Escape leaves everything as it was; the dialog has the keys until then.
+    viewer.press("ctrl+o");
+    std::thread::sleep(HESITATION);
+    viewer.press("Down");
+    viewer.press("Escape");
+    viewer.wait_until_keys_are_followed();
+    let still = viewer.picture();
+    viewer.press("ctrl+o");
+    // The folder is read on another thread.
+    std::thread::sleep(HESITATION);
+    viewer.press("Down");
+    viewer.press("Return");
+    viewer.wait_until_keys_are_followed();
+    let triangle = viewer.picture();
+    let [same, other] = [&still, &triangle].map(|picture| difference(&sphere, picture));
+    assert!(
+        same < SETTLING && other > 5.0 * SETTLING,
+        "no choice changes the picture by {same}, another mesh by {other}"
+    );
+}
+
+#[test]
+fn the_window_is_drawn_and_closes_while_shaders_are_compiled() {
+    if is_left_out() {
+        return;
+    }
+    let (dir, _path) = folder_with_asset();
+    let display = Display::open();
+    let start = Instant::now();
+    let mut viewer = Viewer::start(&display, dir.path(), "weave.spmm", "bvh");
+    let picture = SIZE[0] - PANEL_WIDTH;
+    viewer.wait_until("the window shows a picture and its panel", |_| {
+        display.count_colours(0..picture) > 40 && display.count_colours(picture..SIZE[0]) > 40
+    });
+    let drawn = start.elapsed();
+    // What stands in for the picture is not saved.
+    viewer.press("p");
+    std::thread::sleep(HESITATION);
+    let is_ready = viewer.picture_path(1).exists();
+    let (closing, driver) = (Instant::now(), Gpu::headless(None).unwrap().interface());
+    viewer.press("ctrl+q");
+    assert_eq!(viewer.exit_code(), Some(0));
+    let closed = closing.elapsed();
+    println!("{driver}: drawn after {drawn:.1?}, renderer ready by then: {is_ready}, closed in {closed:.1?}");
+    // A software driver takes far longer than that to compile.
+    assert!(!is_ready || !driver.ends_with("Cpu"), "the window was drawn only after {drawn:?}, when all was compiled");
+    assert!(closed < CLOSING, "{closed:?}");
 }

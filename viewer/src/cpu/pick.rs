@@ -1,13 +1,22 @@
 //! What the middle of a pixel shows, and which levels of assets a picture asks for.
 
 use crate::cpu::scatter::mirror_direction;
-use crate::cpu::shader::{FAR, Shader};
+use crate::cpu::shader::{FAR, Shader, texels_per_unit};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
 use crate::geometry::surface::Surface;
 use crate::options::ShadeOptions;
+use crate::scene::material::{Body, Material};
 use crate::scene::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+
+/// Texels along the way to the nearest eye of a surface with texels: about as many fill the picture.
+const NEAREST_TEXELS: f32 = 4.0;
+/// Distance of the nearest eye from a surface without texels, in the scene's radii.
+const NEAREST_RADII: f32 = 1e-4;
+/// Least distance of an eye from a surface as a share of the largest coordinate: nearer, the places of single-precision
+/// numbers are seen between the pixels.
+const NEAREST_IN_COORDINATE: f32 = 2e-4;
 
 /// A point of an asset that a pixel shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,7 +30,50 @@ pub struct Picked {
 }
 
 /// Returns the asset that the eye sees at `pixel`, pixels from the top left corner of a picture of this size, if any.
-pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option<Picked> {
+pub fn pick(scene: &Scene, size: [u32; 2], pixel: [f32; 2]) -> Option<Picked> {
+    let Seen { surface, material } = see(scene, size, pixel)?;
+    let asset = material.asset()?;
+    let texel = scene.assets[asset].head().texel(0, (surface.uv * Vec2::from(material.uv_scale)).to_array());
+    Some(Picked { asset, texel, position: surface.position })
+}
+
+/// A point of a surface of meshes, and how near an eye may come to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SurfacePoint {
+    /// Position, world.
+    pub(crate) position: Vec3,
+    /// Distance at which a few texels fill the picture, or that is short in the scene where there are no texels.
+    pub(crate) nearest: f32,
+}
+
+/// Returns the point of a surface that the eye sees at `pixel` of a picture of this size, if any; see [`pick`]. Volumetric
+/// textures have no surface.
+pub(crate) fn pick_surface(scene: &Scene, size: [u32; 2], pixel: [f32; 2]) -> Option<SurfacePoint> {
+    let Seen { surface, material } = see(scene, size, pixel)?;
+    let position = surface.position;
+    let texels = match material.body {
+        Body::Plain(_) => None,
+        Body::Asset(asset) => {
+            let head = scene.assets[asset].head();
+            Some([head.width() as f32, head.height() as f32])
+        }
+        Body::Leaf(leaf) => Some(scene.leaves[leaf].leaf.size().map(|side| side as f32)),
+    };
+    let texels_per_unit = texels.map(|size| texels_per_unit(&surface, material, size)).filter(|density| *density > 0.0);
+    let nearest = match texels_per_unit {
+        Some(density) => NEAREST_TEXELS / density,
+        None => NEAREST_RADII * scene.geometry.bounding_sphere().1,
+    };
+    Some(SurfacePoint { position, nearest: nearest.max(NEAREST_IN_COORDINATE * position.abs().max_element()) })
+}
+
+/// What the eye sees of meshes.
+struct Seen<'a> {
+    surface: Surface,
+    material: &'a Material,
+}
+
+fn see(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option<Seen<'_>> {
     let [x, y] = pixel;
     if !(0.0..width as f32).contains(&x) || !(0.0..height as f32).contains(&y) {
         return None;
@@ -32,11 +84,8 @@ pub fn pick(scene: &Scene, [width, height]: [u32; 2], pixel: [f32; 2]) -> Option
     if hit.primitive == NO_HIT {
         return None;
     }
-    let (s, _) = shader.surface_of(&hit, sunk, direction);
-    let material = &scene.materials[s.material];
-    let asset = material.asset()?;
-    let texel = scene.assets[asset].head().texel(0, (s.uv * Vec2::from(material.uv_scale)).to_array());
-    Some(Picked { asset, texel, position: s.position })
+    let (surface, _) = shader.surface_of(&hit, sunk, direction);
+    Some(Seen { surface, material: &scene.materials[surface.material] })
 }
 
 /// Counts for each asset of a scene how many pixels of a picture ask for each level, the finest first: those in which

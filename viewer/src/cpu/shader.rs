@@ -198,8 +198,7 @@ impl Shader<'_> {
     fn texels_of_pixel(&self, s: &Surface, material: &Material, size: [f32; 2], travelled: f32) -> f32 {
         // Side of a square of the area that the pixel sees.
         let width = travelled * self.camera.pixel_width() / s.wo.z.abs().sqrt();
-        let tiles = Vec2::from(size) * Vec2::from(material.uv_scale).abs();
-        (width * s.texture_per_unit * (tiles.x * tiles.y).sqrt()).clamp(1e-6, 1e6)
+        (width * texels_per_unit(s, material, size)).clamp(1e-6, 1e6)
     }
 
     /// Returns the view-dependent half of the leaf that a material shows at a point, if it shows one.
@@ -243,4 +242,10 @@ impl Shader<'_> {
             Body::Leaf(_) => leaf.map(ViewedBody::Leaf),
         }
     }
+}
+
+/// Returns how many texels of a body, `size` a picture, lie on a unit of length of a surface.
+pub(crate) fn texels_per_unit(s: &Surface, material: &Material, size: [f32; 2]) -> f32 {
+    let tiles = Vec2::from(size) * Vec2::from(material.uv_scale).abs();
+    s.texture_per_unit * (tiles.x * tiles.y).sqrt()
 }

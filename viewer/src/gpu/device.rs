@@ -3,6 +3,7 @@
 use crate::error::ViewerError;
 use crate::gpu::backend::{Expansion, GpuTracer};
 use std::sync::{Arc, Mutex};
+use std::thread::ThreadId;
 
 /// An open device. A clone stands for the same device.
 #[derive(Clone)]
@@ -18,8 +19,15 @@ pub struct Gpu {
     max_binding_bytes: u64,
     /// Whether the device expands assets' bases, and not the CPU.
     expands_bases: bool,
-    /// First error that the driver reported outside a call.
-    fault: Arc<Mutex<Option<String>>>,
+    /// Errors that the driver reported outside a call, the first of each thread.
+    faults: Arc<Mutex<Vec<Fault>>>,
+}
+
+/// An error that the driver reported.
+struct Fault {
+    /// The thread whose call it was; `None` for the loss of the device.
+    thread: Option<ThreadId>,
+    reason: String,
 }
 
 /// The remedy where no adapter answers.
@@ -128,19 +136,34 @@ impl Gpu {
             ..Default::default()
         }))
         .map_err(|error| ViewerError::Gpu { adapter: info.name.clone(), reason: one_line(&error.to_string()) })?;
-        let fault = Arc::new(Mutex::new(None));
-        let (on_error, on_loss) = (fault.clone(), fault.clone());
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&on_error, &error.to_string())));
+        let faults = Arc::new(Mutex::new(Vec::new()));
+        let (on_error, on_loss) = (faults.clone(), faults.clone());
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            note(&on_error, Some(std::thread::current().id()), &error.to_string());
+        }));
         device.set_device_lost_callback(move |reason, message| {
             if reason != wgpu::DeviceLostReason::Destroyed {
-                note(&on_loss, &format!("the device was lost: {message}"));
+                note(&on_loss, None, &format!("the device was lost: {message}"));
             }
         });
         let limits = device.limits();
         let max_binding_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         // Software drivers compute on the CPU, which is faster at it with its own vectors.
         let expands_bases = info.device_type != wgpu::DeviceType::Cpu;
-        Ok(Gpu { device, queue, instance, adapter, info, max_binding_bytes, expands_bases, fault })
+        Ok(Gpu { device, queue, instance, adapter, info, max_binding_bytes, expands_bases, faults })
+    }
+
+    /// Opens the device that traces beside a window: this one, but on a software driver another one of the same adapter.
+    /// Such a driver compiles at a shader's first dispatch, and everything that is submitted to the device later, the
+    /// window's frames among it, waits for that.
+    ///
+    /// # Errors
+    /// [`ViewerError::Gpu`].
+    pub(crate) fn for_tracing(&self) -> Result<Gpu, ViewerError> {
+        match self.info.device_type {
+            wgpu::DeviceType::Cpu => Gpu::from_adapter(self.instance.clone(), self.adapter.clone()),
+            _ => Ok(self.clone()),
+        }
     }
 
     /// Returns the adapter name as the driver gives it.
@@ -209,15 +232,15 @@ impl Gpu {
         Ok(())
     }
 
-    /// Checks that the driver reported no error since the last call.
+    /// Checks that the driver reported no error since the last call, of this thread's work.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`].
     pub fn check(&self) -> Result<(), ViewerError> {
-        match self.fault.lock().map(|mut fault| fault.take()) {
-            Ok(Some(reason)) => Err(self.error(reason)),
-            _ => Ok(()),
-        }
+        let Ok(mut faults) = self.faults.lock() else { return Ok(()) };
+        let own = Some(std::thread::current().id());
+        let found = faults.iter().position(|fault| fault.thread.is_none() || fault.thread == own);
+        found.map_or(Ok(()), |number| Err(self.error(faults.remove(number).reason)))
     }
 
     pub(crate) fn error(&self, reason: impl Into<String>) -> ViewerError {
@@ -298,9 +321,11 @@ impl Gpu {
     }
 }
 
-fn note(fault: &Mutex<Option<String>>, message: &str) {
-    if let Ok(mut fault) = fault.lock() {
-        fault.get_or_insert_with(|| one_line(message));
+fn note(faults: &Mutex<Vec<Fault>>, thread: Option<ThreadId>, message: &str) {
+    if let Ok(mut faults) = faults.lock()
+        && faults.iter().all(|fault| fault.thread != thread)
+    {
+        faults.push(Fault { thread, reason: one_line(message) });
     }
 }
 

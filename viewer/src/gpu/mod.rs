@@ -11,6 +11,7 @@ pub(crate) mod frame;
 pub(crate) mod layout;
 pub(crate) mod modules;
 pub(crate) mod pieces;
+pub(crate) mod preparation;
 pub(crate) mod queries;
 pub(crate) mod scene_change;
 pub(crate) mod scene_words;

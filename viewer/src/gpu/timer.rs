@@ -19,6 +19,9 @@ pub(crate) enum Pass {
     Volume,
 }
 
+/// Number of [`Pass`]es.
+pub(crate) const PASSES: usize = 5;
+
 impl Pass {
     pub(crate) fn entry_point(self) -> &'static str {
         match self {

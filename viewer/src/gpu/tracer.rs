@@ -7,11 +7,12 @@ use crate::gpu::frame::{FrameRequest, GpuFrame, GpuLight, GpuMaterial, MAX_MATER
 use crate::gpu::layout::scene_layout;
 use crate::gpu::modules::trace_module;
 use crate::gpu::pieces::ASSETS;
+use crate::gpu::preparation::Preparation;
 use crate::gpu::scene_change::{SceneChange, Updated};
 use crate::gpu::scene_words::SceneWords;
 use crate::gpu::structure::Structure;
 use crate::gpu::target::{Band, Target};
-use crate::gpu::timer::{GpuTimer, Pass, PassTimes};
+use crate::gpu::timer::{GpuTimer, PASSES, Pass, PassTimes};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::picture::PixelHit;
 use crate::scene::scene::Scene;
@@ -31,7 +32,7 @@ pub struct Tracer {
     pipeline_layout: wgpu::PipelineLayout,
     decoder: DecoderForm,
     /// Pipelines by number of the pass, made when first asked for: drivers take their time to compile.
-    pipelines: [Option<wgpu::ComputePipeline>; 5],
+    pipelines: [Option<wgpu::ComputePipeline>; PASSES],
     frame: wgpu::Buffer,
     materials: wgpu::Buffer,
     lights: wgpu::Buffer,
@@ -116,7 +117,7 @@ impl Tracer {
             scene_layout,
             pipeline_layout,
             decoder,
-            pipelines: [const { None }; 5],
+            pipelines: [const { None }; PASSES],
             frame,
             materials,
             lights,
@@ -202,21 +203,45 @@ impl Tracer {
         Ok((passes.map_or(wall_ms, |passes| passes.sum_ms()), passes))
     }
 
-    /// Runs one workgroup of every pass of sample 0 and waits, so that drivers that compile at the first dispatch do so
-    /// before anything is timed.
+    /// Compiles every pass of a sample and runs one workgroup of each, so that drivers that compile at the first dispatch
+    /// do so before anything is timed.
     ///
     /// # Errors
     /// As [`Tracer::sample`].
     pub fn warm_up(&mut self, request: &FrameRequest) -> Result<(), ViewerError> {
+        self.make_ready(request, &Preparation::default())
+    }
+
+    /// Runs [`Tracer::warm_up`] and tells another thread how far it is.
+    ///
+    /// # Errors
+    /// As [`Tracer::sample`]; [`ViewerError::Interrupted`] where the other thread does not wait any more.
+    pub(crate) fn make_ready(&mut self, request: &FrameRequest, preparation: &Preparation) -> Result<(), ViewerError> {
         let first = FrameRequest { sample: 0, ..*request };
-        let passes = passes_of(first.scene, &first.options);
-        self.prepare(&first, &passes)?;
-        self.write_scene(first.scene);
-        if let Some(band) = self.bands().first() {
-            self.write_frame(&first, band);
-            self.dispatch(band, &passes, [1, 1], None);
+        let mut passes = passes_of(first.scene, &first.options);
+        let mut met = [false; PASSES];
+        passes.retain(|pass| !std::mem::replace(&mut met[*pass as usize], true));
+        preparation.begin(passes.len());
+        for pass in passes {
+            if preparation.is_abandoned() {
+                return Err(ViewerError::Interrupted);
+            }
+            self.prepare(&first, &[pass])?;
+            self.write_scene(first.scene);
+            if let Some(band) = self.bands().first() {
+                self.write_frame(&first, band);
+                self.dispatch(band, &[pass], [1, 1], None);
+            }
+            self.gpu.wait()?;
+            preparation.count();
         }
-        self.gpu.wait()
+        Ok(())
+    }
+
+    /// Tells whether all passes of a sample are compiled.
+    pub(crate) fn is_ready_for(&self, request: &FrameRequest) -> bool {
+        let passes = passes_of(request.scene, &request.options);
+        passes.iter().all(|pass| self.pipelines[*pass as usize].is_some())
     }
 
     /// Makes what is missing: pipelines, room for lights, the buffers of the picture.

@@ -1,9 +1,11 @@
 //! A pinhole camera and the rays of its pixels.
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 /// Largest distance of the camera's elevation from the poles while orbiting, in radians.
 const POLE_MARGIN_RAD: f32 = 0.02;
+/// Distance from a point to which zooming takes the eye at most, in the scene's unit.
+const FARTHEST: f32 = 1e7;
 
 /// Look-at camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,21 +87,37 @@ impl Camera {
 
     /// Turns the eye about the target: to the right by `yaw_rad`, upwards by `pitch_rad`. Stops short of the poles.
     pub fn orbit(&mut self, yaw_rad: f32, pitch_rad: f32) {
+        self.orbit_about(self.target, yaw_rad, pitch_rad);
+    }
+
+    /// Turns eye and target about `pivot`, which stays at its place in the picture: to the right by `yaw_rad`, upwards by
+    /// `pitch_rad`. Stops short of the poles.
+    pub fn orbit_about(&mut self, pivot: Vec3, yaw_rad: f32, pitch_rad: f32) {
         let offset = self.eye - self.target;
         let pole = self.up.normalize();
         let elevation = pole.dot(offset.normalize()).clamp(-1.0, 1.0).asin();
         let limit = std::f32::consts::FRAC_PI_2 - POLE_MARGIN_RAD;
         let pitch = (elevation + pitch_rad).clamp(-limit, limit) - elevation;
         let right = pole.cross(offset).normalize();
-        let pitched = glam::Quat::from_axis_angle(right, -pitch) * offset;
-        self.eye = self.target + glam::Quat::from_axis_angle(pole, yaw_rad) * pitched;
+        let turn = Quat::from_axis_angle(pole, yaw_rad) * Quat::from_axis_angle(right, -pitch);
+        // The target from the eye, not both from the pivot: far from it their difference would lose its last places.
+        self.eye = pivot + turn * (self.eye - pivot);
+        self.target = if pivot == self.target { pivot } else { self.eye - turn * offset };
     }
 
-    /// Multiplies the distance to the target; below 1 goes nearer.
-    pub fn zoom(&mut self, factor: f32) {
-        let offset = (self.eye - self.target) * factor;
-        if offset.length() > 1e-5 && offset.length() < 1e7 {
-            self.eye = self.target + offset;
+    /// Brings the eye nearer to `point` along the straight way, or farther from it: multiplies their distance by
+    /// `factor`, but comes no nearer than `nearest`. The point stays at its place in the picture, the viewing direction
+    /// stays, and the target moves to the point's depth. Points beside or behind the eye change nothing.
+    pub fn zoom_about(&mut self, point: Vec3, factor: f32, nearest: f32) {
+        let forward = (self.target - self.eye).normalize();
+        let way = self.eye - point;
+        let distance = way.length();
+        // An eye that is nearer already stays.
+        let factor = if factor < 1.0 { factor.max(nearest / distance).min(1.0) } else { factor };
+        let depth = -factor * way.dot(forward);
+        if depth > 0.0 && distance * factor < FARTHEST {
+            self.eye = point + way * factor;
+            self.target = self.eye + forward * depth;
         }
     }
 
@@ -209,6 +227,58 @@ mod tests {
         let before = camera.eye;
         camera.orbit(0.5, 0.0);
         assert!((camera.eye - before).length() > 1e-3);
+    }
+
+    #[test]
+    fn orbiting_about_a_point_keeps_it_at_its_place_in_the_picture() {
+        let pivot = Vec3::new(1.0, 0.5, 1.0);
+        let mut turned = camera();
+        let place = |camera: &Camera| glam::Vec2::from(camera.frame(300, 200).pixel_of(pivot).unwrap());
+        let (distance, seen_at) = (turned.eye.distance(pivot), place(&turned));
+        turned.orbit_about(pivot, 0.4, 0.3);
+        assert!((turned.eye.distance(pivot) - distance).abs() < 1e-4);
+        assert!(place(&turned).distance(seen_at) < 0.01);
+        assert!((turned.eye.distance(turned.target) - 5.0).abs() < 1e-4);
+        // The target is no fixed point of this turn, as it is of a turn about itself.
+        assert!(turned.target.length() > 0.3);
+        let mut about_target = camera();
+        about_target.orbit(0.4, 0.3);
+        assert!(about_target.target == Vec3::ZERO && place(&about_target).distance(seen_at) > 5.0);
+        let forwards = [turned, about_target].map(|camera| camera.frame(10, 10).forward);
+        assert!(forwards[0].distance(forwards[1]) < 1e-5);
+        for _ in 0..100 {
+            turned.orbit_about(pivot, 0.1, 0.2);
+        }
+        assert_eq!(turned.fault(), None);
+    }
+
+    #[test]
+    fn zooming_keeps_the_point_at_its_place_and_stops_before_it() {
+        let point = Vec3::new(0.8, -0.6, 1.0);
+        let (mut zoomed, start) = (camera(), camera());
+        let pixel = |camera: &Camera| camera.frame(300, 200).pixel_of(point).unwrap();
+        for clicks in 1..=100 {
+            let before = zoomed.eye.distance(point);
+            zoomed.zoom_about(point, 0.8, 0.01);
+            let distance = zoomed.eye.distance(point);
+            assert!((distance - (0.8 * before).max(0.01)).abs() < 1e-5, "click {clicks}: {distance}");
+            let moved = pixel(&zoomed).iter().zip(pixel(&start)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(moved < 0.1, "click {clicks}: {moved} pixels");
+            assert!(zoomed.frame(1, 1).forward.distance(start.frame(1, 1).forward) < 1e-4);
+        }
+        assert_eq!(zoomed.fault(), None);
+        // The target is as deep as the point.
+        let frame = zoomed.frame(1, 1);
+        assert!((frame.forward.dot(point - zoomed.eye) - zoomed.eye.distance(zoomed.target)).abs() < 1e-5);
+        // Out again, along the same way.
+        zoomed.zoom_about(point, 100.0, 0.01);
+        assert!((zoomed.eye - point).normalize().distance((start.eye - point).normalize()) < 1e-3);
+        assert!((zoomed.eye.distance(point) - 1.0).abs() < 1e-3);
+        // A point behind the eye is no place to go to, and nothing is farther than the farthest.
+        let before = zoomed;
+        zoomed.zoom_about(before.eye - before.frame(1, 1).forward, 0.5, 0.01);
+        zoomed.zoom_about(point, 1e9, 0.01);
+        assert_eq!(zoomed, before);
     }
 
     #[test]

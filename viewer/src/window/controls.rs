@@ -1,6 +1,7 @@
 //! What the user holds in hand beside the scene: the panel, what the window remembers, and what goes on.
 
 use super::files::Turntable;
+use super::panels::open_dialog::{Choice, OpenDialog};
 use super::panels::panel::Panel;
 use super::panels::thumbnails::Thumbnails;
 use super::panels::unsaved::UnsavedDialog;
@@ -11,6 +12,8 @@ use crate::gpu::backend::BackendChoice;
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
 use crate::scene::scene::Scene;
+use glam::Vec3;
+use std::path::PathBuf;
 
 /// State of the window's controls beside the scene.
 pub(super) struct Controls {
@@ -19,10 +22,16 @@ pub(super) struct Controls {
     pub renderers: Vec<Renderer>,
     pub settings: Settings,
     pub thumbnails: Thumbnails,
+    /// What drags turn the camera about, where a double click chose it; world.
+    pub pivot: Option<Vec3>,
     /// The turntable that is being written.
     pub turntable: Option<Turntable>,
     /// The question what becomes of unsaved edits, while it is asked.
     pub dialog: Option<UnsavedDialog>,
+    /// The choice of a file to open, while it is made.
+    pub open_dialog: Option<OpenDialog>,
+    /// The folder in which a file was chosen last.
+    pub folder: Option<PathBuf>,
     /// Whether the keys are explained.
     pub help: bool,
     /// Message of the latest saving or opening.
@@ -36,8 +45,11 @@ impl Controls {
             renderers,
             settings,
             thumbnails: Thumbnails::default(),
+            pivot: None,
             turntable: None,
             dialog: None,
+            open_dialog: None,
+            folder: None,
             help: false,
             message: None,
         }
@@ -47,6 +59,33 @@ impl Controls {
     pub fn switch_scene(&mut self, scene: &Scene) {
         self.panel = Panel::new(scene, self.panel.shade, self.panel.renderer);
         self.thumbnails = Thumbnails::default();
+        self.pivot = None;
+    }
+
+    /// Tells whether a dialog takes the keys.
+    pub fn asks(&self) -> bool {
+        self.dialog.is_some() || self.open_dialog.is_some()
+    }
+
+    /// Begins the choice of a file to open, unless a dialog is there.
+    pub fn choose_file(&mut self) {
+        if !self.asks() {
+            let here = || std::env::current_dir().unwrap_or_default();
+            self.open_dialog = Some(OpenDialog::new(self.folder.clone().unwrap_or_else(here)));
+        }
+    }
+
+    /// Draws the choice of a file while it is made; returns the file once it is chosen.
+    pub fn show_open_dialog(&mut self, ui: &egui::Ui) -> Option<PathBuf> {
+        let dialog = self.open_dialog.as_mut()?;
+        let choice = dialog.show(ui)?;
+        self.folder = Some(dialog.folder.clone());
+        self.open_dialog = None;
+        ui.ctx().request_repaint();
+        match choice {
+            Choice::Open(path) => Some(path),
+            Choice::Cancel => None,
+        }
     }
 
     /// Begins a turntable, unless one is being written.

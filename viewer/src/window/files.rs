@@ -47,6 +47,14 @@ impl Replaced {
     }
 }
 
+/// Extensions of the files that the window opens.
+const KNOWN: [&str; 7] = ["spmm", "obj", "gltf", "glb", "hdr", "exr", "toml"];
+
+/// Tells whether a file is of a kind that [`open_file`] takes, by its name.
+pub(crate) fn is_known(path: &Path) -> bool {
+    KNOWN.contains(&extension(path).as_str())
+}
+
 /// Returns the extension of a file in small letters, without the dot.
 fn extension(path: &Path) -> String {
     path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default()
@@ -148,6 +156,19 @@ impl Turntable {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_kind_that_is_known_is_opened() {
+        let asset = Arc::new(SceneAsset::built_in());
+        let mut scene = Scene::built_in(&MeshChoice::Plane, vec![asset], [1.0; 2]).unwrap();
+        for extension in KNOWN {
+            let path = PathBuf::from(format!("none.{extension}"));
+            let refused = open_file(&mut scene, 0, &path).unwrap_err();
+            assert!(is_known(&path) && !matches!(refused, ViewerError::Usage(_)), "{extension}: {refused}");
+        }
+        let other = Path::new("none.txt");
+        assert!(!is_known(other) && matches!(open_file(&mut scene, 0, other), Err(ViewerError::Usage(_))));
+    }
 
     #[test]
     fn files_of_every_kind_are_taken_in_and_bad_ones_leave_the_scene_alone() {

@@ -16,7 +16,9 @@ const LONGEST_FLIGHT_S: f32 = 0.1;
 const TOOL_KEYS: [(Key, Tool); 4] =
     [(Key::Num1, Tool::Look), (Key::Num2, Tool::Brush), (Key::Num3, Tool::Cluster), (Key::Num4, Tool::Eraser)];
 /// Keys of the window, for its help.
-const KEYS: &str = "drag: turn; Shift or right drag: move; wheel: nearer\n\
+const KEYS: &str = "drag: turn; Shift or right drag: move\n\
+    wheel: nearer to what is under the mouse, never through it\n\
+    double click: drags turn about that point; beside everything: about the middle\n\
     W A S D, Q E: fly; F: drags look around instead of turning\n\
     L: lights' handles, which drags move\n\
     C: split view, whose line drags move; X: difference\n\
@@ -24,6 +26,7 @@ const KEYS: &str = "drag: turn; Shift or right drag: move; wheel: nearer\n\
     B: the wind blows or stands still\n\
     1 2 3 4: look, brush, cluster, eraser\n\
     Ctrl+Z, Ctrl+Shift+Z: edits back and forth\n\
+    Ctrl+O: a file to open is chosen\n\
     Ctrl+S: all edits saved; Ctrl+Q: window closed\n\
     drop .spmm on what it is to cover, or to compare a leaf with; .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
     H or F1: this";
@@ -60,7 +63,9 @@ pub(super) fn follow_keys(
     controls: &mut Controls,
     asked: &mut Asked,
 ) {
-    let [save, close] = ui.input_mut(|input| [Key::S, Key::Q].map(|key| input.consume_key(Modifiers::COMMAND, key)));
+    let keys = [Key::O, Key::S, Key::Q];
+    let [choose, save, close] = ui.input_mut(|input| keys.map(|key| input.consume_key(Modifiers::COMMAND, key)));
+    asked.choose |= choose;
     asked.save |= save;
     asked.close |= close;
     if ui.ctx().egui_wants_keyboard_input() {

@@ -4,20 +4,25 @@
 mod blit;
 mod canvas;
 mod controls;
+mod cpu_canvas;
 mod editing;
 mod files;
+mod folder;
 mod keys;
 mod light_handles;
 mod mouse;
 mod panels;
 mod pictures;
+mod preparing;
 mod pressed;
 mod progress;
 mod renderer;
 mod settings;
 mod side;
 mod split;
+mod stand_in;
 mod view;
+mod zoom;
 
 use crate::error::ViewerError;
 use crate::scene::scene::Scene;

@@ -4,8 +4,9 @@ use super::blit::{Blit, GpuBlit};
 use super::editing::document::Document;
 use super::progress::Progress;
 use super::renderer::Renderer;
-use super::side::Side;
+use super::side::{Devices, Rows, Side};
 use super::split::{Against, Split};
+use super::stand_in::shrunk;
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::FrameRequest;
@@ -28,15 +29,28 @@ pub(super) struct Pictures {
     pub side: Side,
     pub split: Split,
     pub progress: Progress,
+    devices: Devices,
     timer: Option<GpuTimer>,
 }
 
 impl Pictures {
-    /// Makes pictures without samples. `target_ms` is how many milliseconds a frame may take, if that is limited.
-    pub fn new(gpu: &Gpu, scene: &Scene, shade: ShadeOptions, target_ms: Option<f64>, split: Split) -> Pictures {
+    /// Makes pictures without samples for a window that `gpu` draws. `target_ms` is how many milliseconds a frame may
+    /// take, if that is limited.
+    ///
+    /// # Errors
+    /// [`ViewerError::Gpu`] where the driver opens no device for them.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        shade: ShadeOptions,
+        target_ms: Option<f64>,
+        split: Split,
+    ) -> Result<Pictures, ViewerError> {
         let governor = target_ms.map(|target_ms| Governor::new(target_ms, Spending::all_of(scene)));
         let progress = Progress::new(shade, governor);
-        Pictures { side: Side::default(), split, progress, timer: GpuTimer::new(gpu) }
+        let devices = Devices { window: gpu.clone(), tracing: gpu.for_tracing()? };
+        let timer = GpuTimer::new(&devices.tracing);
+        Ok(Pictures { side: Side::default(), split, progress, devices, timer })
     }
 
     /// Returns the clock of the frame times of a renderer.
@@ -47,8 +61,9 @@ impl Pictures {
         }
     }
 
-    /// Begins anew with another renderer, which uploads the scene anew and whose first frames compile.
+    /// Begins anew with another renderer, which uploads the scene anew and compiles.
     pub fn switch_renderer(&mut self, document: &Document) {
+        self.leave_busy_device();
         self.side = Side::default();
         self.progress.forget_renderer();
         self.split.reset(&document.scene, document.at_hand());
@@ -56,12 +71,24 @@ impl Pictures {
 
     /// Begins anew with another scene.
     pub fn switch_scene(&mut self, document: &Document) {
+        self.leave_busy_device();
         let scene = &document.scene;
         self.side = Side::default();
         self.split.reset(scene, document.at_hand());
         let governor = &mut self.progress.governor;
         *governor = governor.as_ref().map(|it| Governor::new(it.budget_ms(), Spending::all_of(scene)));
         self.progress.problem = None;
+    }
+
+    /// Leaves the tracing device to a thread that still compiles on it, now for nobody: a software driver has everything
+    /// else wait. For both pictures to begin anew.
+    fn leave_busy_device(&mut self) {
+        if self.preparation().is_some()
+            && let Ok(tracing) = self.devices.window.for_tracing()
+        {
+            self.timer = GpuTimer::new(&tracing);
+            self.devices.tracing = tracing;
+        }
     }
 
     /// Takes over a change of the scene.
@@ -73,33 +100,45 @@ impl Pictures {
     /// Begins anew, because the pictures are to show something else.
     pub fn restart(&mut self) {
         self.progress.samples = 0;
+        self.side.restart_stand_in();
     }
 
-    /// Adds a sample to pictures for an area of `view` pixels, unless they have all they need.
-    pub fn advance(
-        &mut self,
-        gpu: &Gpu,
-        document: &Document,
-        renderer: Renderer,
-        shade: &ShadeOptions,
-        view: [u32; 2],
-    ) {
-        let size = picture_size(renderer, view);
-        if self.side.size() != Some(size) {
-            self.restart();
-        }
-        if self.progress.samples < self.most_samples(&document.scene)
-            && let Err(error) = self.add_sample(gpu, document, renderer, shade, size)
-        {
+    /// Adds a sample to pictures for an area of `view` pixels, unless they have all they need. While a renderer is made
+    /// ready, another picture stands in.
+    pub fn advance(&mut self, document: &Document, renderer: Renderer, shade: &ShadeOptions, view: [u32; 2]) {
+        let advanced = self.take_ready(document).and_then(|()| {
+            let size = picture_size(renderer, view);
+            if self.progress.problem.is_none() && self.side.preparation().is_none() && self.side.size() != Some(size) {
+                self.restart();
+            }
+            if self.progress.samples < self.most_samples(&document.scene) {
+                self.add_sample(document, renderer, shade, size)?;
+            }
+            self.side.stand_in(&self.devices.window, &document.scene, view)
+        });
+        if let Err(error) = advanced {
             // A renderer that fails leaves the window and its panel alive, with the others to switch to.
             self.progress.problem = Some(error.to_string());
             self.progress.samples = MAX_RANDOM_SAMPLES;
         }
     }
 
+    /// Takes over renderers that have become ready, and begins anew with them.
+    fn take_ready(&mut self, document: &Document) -> Result<(), ViewerError> {
+        let mut is_new = self.side.take_ready(&document.scene)?;
+        if self.split.on {
+            let (side, scene) = self.split.scene(&document.scene, document.at_hand());
+            is_new |= side.take_ready(scene)?;
+        }
+        if is_new {
+            self.progress.problem = None;
+            self.restart();
+        }
+        Ok(())
+    }
+
     fn add_sample(
         &mut self,
-        gpu: &Gpu,
         document: &Document,
         renderer: Renderer,
         shade: &ShadeOptions,
@@ -109,14 +148,27 @@ impl Pictures {
         self.progress.settle(shade, scene.lights.len() as u32);
         let options = self.progress.governed;
         let request = FrameRequest { scene, size, options, sample: self.progress.samples };
-        let took = self.side.add_sample(gpu, renderer, &request, self.timer.as_mut())?;
+        let Some(took) = self.side.add_sample(&self.devices, renderer, &request, self.timer.as_mut())? else {
+            return Ok(());
+        };
         if self.split.on {
             let options = self.split.against.shade(&options);
             let (side, scene) = self.split.scene(scene, document.at_hand());
-            side.add_sample(gpu, renderer, &FrameRequest { scene, options, ..request }, None)?;
+            side.add_sample(&self.devices, renderer, &FrameRequest { scene, options, ..request }, None)?;
         }
         self.progress.count(took);
         Ok(())
+    }
+
+    /// Returns what is being done to make renderers ready, for the user; `None` where they are.
+    pub fn preparation(&self) -> Option<String> {
+        let other = self.split.side.preparation().filter(|_| self.split.on);
+        self.side.preparation().or(other.map(|line| format!("for the comparison: {line}")))
+    }
+
+    /// Tells whether the next frame is to have another sample at once.
+    pub fn go_on(&self, scene: &Scene) -> bool {
+        self.side.preparation().is_none() && !self.are_finished(scene)
     }
 
     /// Returns how many samples per pixel the pictures get.
@@ -137,17 +189,17 @@ impl Pictures {
     }
 
     /// Tells whether more samples would not change the pictures.
-    pub fn are_finished(&self, scene: &Scene) -> bool {
+    fn are_finished(&self, scene: &Scene) -> bool {
         self.have(u32::MAX, scene)
     }
 
     /// Reads the scene's own picture as it is.
     ///
     /// # Errors
-    /// The errors of reading from the GPU.
+    /// [`ViewerError::Usage`] where another one stands in for it; the errors of reading from the GPU.
     pub fn read(&self) -> Result<Picture, ViewerError> {
-        let [width, height] = self.side.size().unwrap_or([0, 0]);
-        Ok(Picture { width, height, radiance: self.side.radiance()? })
+        let unready = || ViewerError::Usage("the renderer is not ready: save the picture when it is there".into());
+        self.side.read()?.ok_or_else(unready)
     }
 
     /// Draws the pictures on an area of `view` pixels from the window's upper left corner.
@@ -164,24 +216,24 @@ impl Pictures {
     ) -> Result<(), ViewerError> {
         let split = &self.split;
         let Some(size) = self.side.size() else { return Ok(()) };
-        let (own, other) = (self.side.bands(), split.side.bands());
+        let (own, other) = (self.side.rows(), split.side.rows());
         // The other picture may still be of another size.
         let compared = split.on && split.side.size() == Some(size) && own.len() == other.len();
         pass.set_viewport(0.0, 0.0, view[0] as f32, view[1] as f32, 0.0, 1.0);
         let gain = exposure_ev.exp2();
-        for (number, (first_row, rows, pixels)) in own.iter().enumerate() {
+        for (number, Rows { first, count, pixels }) in own.iter().enumerate() {
             let params = GpuBlit {
                 picture: size,
                 window: view,
                 gain,
-                first_row: *first_row,
-                rows: *rows,
+                first_row: *first,
+                rows: *count,
                 split: if compared { 1 + u32::from(split.difference) } else { 0 },
                 other_from: (split.place * view[0] as f32) as u32,
                 difference_gain: split.gain,
                 pad0: [0; 2],
             };
-            let other = if compared { other[number].2 } else { pixels };
+            let other = if compared { other[number].pixels } else { pixels };
             blit.draw(gpu, pass, pixels, other, params)?;
         }
         Ok(())
@@ -189,10 +241,9 @@ impl Pictures {
 }
 
 /// Returns the size of the picture that a renderer computes for an area of the window, pixels.
-fn picture_size(renderer: Renderer, [width, height]: [u32; 2]) -> [u32; 2] {
+fn picture_size(renderer: Renderer, view: [u32; 2]) -> [u32; 2] {
     if renderer != Renderer::Cpu {
-        return [width, height];
+        return view;
     }
-    let shrink = (f64::from(CPU_PIXELS) / (f64::from(width) * f64::from(height))).sqrt().min(1.0);
-    [width, height].map(|side| ((f64::from(side) * shrink) as u32).max(1))
+    shrunk(view, CPU_PIXELS)
 }

@@ -46,14 +46,11 @@ impl Progress {
 
     /// Counts a sample that was added.
     pub(super) fn count(&mut self, took: Took) {
-        let Took { ms, passes, first } = took;
+        let Took { ms, passes } = took;
         self.passes = passes;
-        // The first frame of a renderer holds its compilation on some drivers.
-        if !first {
-            self.governor.iter_mut().for_each(|governor| governor.observe(ms));
-            let old = self.frame_ms.unwrap_or(ms);
-            self.frame_ms = Some(old + FRAME_TIME_WEIGHT * (ms - old));
-        }
+        self.governor.iter_mut().for_each(|governor| governor.observe(ms));
+        let old = self.frame_ms.unwrap_or(ms);
+        self.frame_ms = Some(old + FRAME_TIME_WEIGHT * (ms - old));
         self.samples += 1;
     }
 }

@@ -14,6 +14,7 @@ use super::panels::physiology::show_physiology;
 use super::panels::status::Status;
 use super::panels::unsaved::{Answer, Loss, UnsavedDialog};
 use super::pictures::Pictures;
+use super::preparing::POLL;
 use super::settings::Settings;
 use super::split::Split;
 use crate::error::ViewerError;
@@ -77,7 +78,7 @@ impl View {
             split.compare_with(asset.clone(), &document.scene, document.at_hand());
         }
         Ok(View {
-            pictures: Pictures::new(gpu, &document.scene, params.shade, params.target_ms, split),
+            pictures: Pictures::new(gpu, &document.scene, params.shade, params.target_ms, split)?,
             controls: Controls::new(panel, renderers, settings),
             occluded: false,
             closing: false,
@@ -136,17 +137,20 @@ impl View {
         if changed {
             self.pictures.restart();
         }
-        self.pictures.advance(&self.canvas.gpu, &self.document, panel.renderer, &panel.shade, size);
+        self.pictures.advance(&self.document, panel.renderer, &panel.shade, size);
         changed |= self.go_round();
         // Show them.
         self.show_title();
         self.canvas.input.handle_platform_output(&self.canvas.window, std::mem::take(&mut output.platform_output));
         let root = output.viewport_output.get(&egui::ViewportId::ROOT);
-        let delay = root.map_or(Duration::MAX, |viewport| viewport.repaint_delay);
+        let mut delay = root.map_or(Duration::MAX, |viewport| viewport.repaint_delay);
+        if self.pictures.preparation().is_some() {
+            delay = delay.min(POLL);
+        }
         let View { canvas, blit, pictures, document, .. } = self;
         canvas.present(output, |gpu, pass| pictures.draw(gpu, pass, blit, document.scene.exposure_ev, size))?;
 
-        if !self.pictures.are_finished(&self.document.scene) || changed || delay.is_zero() {
+        if self.pictures.go_on(&self.document.scene) || changed || delay.is_zero() {
             self.canvas.window.request_redraw();
         }
         // A far deadline overflows; then nothing but an event wakes us.
@@ -172,8 +176,8 @@ impl View {
         self.edit(ui, &area, &mut asked);
         self.take_over(&mut asked, at_hand);
         let View { document, pictures, controls, .. } = self;
-        area.move_camera(ui, document, &controls.settings);
-        if controls.dialog.is_none() {
+        area.move_camera(ui, document, &controls.settings, &mut controls.pivot);
+        if !controls.asks() {
             follow_keys(ui, document, &mut pictures.split, controls, &mut asked);
         }
         if controls.settings.light_handles && !is_painting(ui, document) {
@@ -183,6 +187,10 @@ impl View {
         if controls.help {
             show_help(ui, area.rect);
         }
+        if asked.choose {
+            self.controls.choose_file();
+        }
+        asked.open = self.controls.show_open_dialog(ui).or(asked.open.take());
         self.take_files(ui, &area, &mut asked);
         self.do_the_rest(&mut asked);
         self.ask_about_unsaved(ui, &mut asked);
@@ -195,11 +203,13 @@ impl View {
         let panel = &mut controls.panel;
         controls.thumbnails.update(&canvas.context, &document.scene);
         let timer = pictures.timer_name(panel.renderer);
+        let preparation = pictures.preparation();
         let Pictures { side, split, progress, .. } = pictures;
         let status = Status {
             adapter: canvas.gpu.adapter_name(),
             renderers: &controls.renderers,
             progress,
+            preparation: preparation.as_deref(),
             timer,
             picture: side.size().unwrap_or([0, 0]),
             max_components: panel.max_components,
@@ -230,7 +240,7 @@ impl View {
         if let Some(asset) = area.paint(ui, document) {
             asked.edited = Some(asset);
         }
-        let moved = self.controls.dialog.is_none() && undo_and_redo(ui, document, asked);
+        let moved = !self.controls.asks() && undo_and_redo(ui, document, asked);
         if !moved && !ui.input(|input| input.pointer.any_down()) {
             document.editor.close(&document.scene);
             document.physiology.close(&document.scene);

@@ -31,6 +31,8 @@ pub(crate) struct Asked {
     pub exports: Vec<Export>,
     /// A file to open.
     pub open: Option<PathBuf>,
+    /// A file to open is to be chosen.
+    pub choose: bool,
     /// All unsaved edits are to be saved.
     pub save: bool,
     /// The window is to be closed.

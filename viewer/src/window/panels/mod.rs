@@ -1,9 +1,10 @@
-//! What stands beside the picture: the panels, and the dialog about unsaved edits.
+//! What stands beside the picture: the panels, and the dialogs that choose files and ask about unsaved edits.
 
 pub(crate) mod asked;
 mod comparison;
 mod editor;
 pub(crate) mod lights;
+pub(crate) mod open_dialog;
 mod outdoors;
 pub(crate) mod panel;
 pub(crate) mod physiology;

@@ -104,6 +104,7 @@ impl Panel {
     /// Draws what writes pictures and opens files.
     fn show_files(&mut self, ui: &mut egui::Ui, asked: &mut Asked) {
         ui.horizontal(|ui| {
+            asked.choose |= ui.button("open...").on_hover_text("choose a file, Ctrl+O").clicked();
             if ui.button("picture").on_hover_text("as PNG, P").clicked() {
                 asked.exports.push(Export::Picture);
             }

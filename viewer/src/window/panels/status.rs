@@ -14,6 +14,8 @@ pub(crate) struct Status<'a> {
     pub renderers: &'a [Renderer],
     /// Progress of the picture.
     pub progress: &'a Progress,
+    /// What is being done to make the renderer ready.
+    pub preparation: Option<&'a str>,
     /// Clock of the frame times.
     pub timer: &'static str,
     /// Width and height of the picture, pixels.
@@ -36,11 +38,14 @@ impl Status<'_> {
                 ui.selectable_value(renderer, *choice, choice.name());
             }
         });
-        match progress.frame_ms {
-            Some(ms) => ui.label(format!("{ms:.2} ms per frame ({})", self.timer)),
-            None => ui.label("measuring"),
+        match (self.preparation, progress.frame_ms) {
+            (Some(preparation), _) => ui.label(preparation),
+            (None, Some(ms)) => ui.label(format!("{ms:.2} ms per frame ({})", self.timer)),
+            (None, None) => ui.label("measuring"),
         };
-        if let Some(PassTimes { camera_ms, volume_ms, light_ms, bounce_ms }) = progress.passes {
+        if let (None, Some(PassTimes { camera_ms, volume_ms, light_ms, bounce_ms })) =
+            (self.preparation, progress.passes)
+        {
             let volumes = if volume_ms > 0.0 { format!("volumes {volume_ms:.2}, ") } else { String::new() };
             ui.small(format!("camera {camera_ms:.2}, {volumes}light {light_ms:.2}, further rays {bounce_ms:.2} ms"));
         }
