@@ -103,7 +103,8 @@ fn print_step(step: &StepRecord) {
 
 /// Returns the error of a measurement of which some steps failed.
 fn failure_of(results: &GpuResults, path: &str) -> Result<(), ViewerError> {
-    let failed: Vec<&str> = results.steps.iter().filter(|step| !step.is_ok()).map(|step| step.name.as_str()).collect();
+    let failed: Vec<&str> =
+        results.steps.iter().filter(|step| step.has_failed()).map(|step| step.name.as_str()).collect();
     match failed.is_empty() {
         true => Ok(()),
         false => Err(ViewerError::Steps(format!(

@@ -227,11 +227,12 @@ impl Tracer {
     }
 
     /// Cuts pictures like the requested one into bands whose passes take about `band_ms` at most together, as far as a
-    /// small picture of the same tells, so that no system takes the device for hung. Cost: two small pictures.
+    /// small picture of the same tells, so that no system takes the device for hung. Returns the pixels that a band then has at
+    /// most. Cost: two small pictures.
     ///
     /// # Errors
     /// As [`Tracer::sample`].
-    pub(crate) fn limit_bands(&mut self, request: &FrameRequest, band_ms: f64) -> Result<(), ViewerError> {
+    pub fn limit_bands(&mut self, request: &FrameRequest, band_ms: f64) -> Result<u64, ViewerError> {
         let size = request.size.map(|side| side.div_ceil(PROBE_SHRINK));
         let small = FrameRequest { size, sample: 0, ..*request };
         let mut seconds = 0.0;
@@ -246,7 +247,7 @@ impl Tracer {
         let most = (band_ms * 1e-3 / seconds.max(1e-9) * pixels(size) as f64) as u64;
         self.max_band_pixels = most.max(pixels(request.size).div_ceil(MAX_BANDS)).min(MAX_BAND_PIXELS);
         self.target = None;
-        Ok(())
+        Ok(self.max_band_pixels)
     }
 
     /// Makes what is missing: pipelines, room for lights, the buffers of the picture.

@@ -100,6 +100,14 @@ fn with_components(mut point: Point, components: u32) -> Point {
     point
 }
 
+/// Narrows the field of view so that what fills a square picture fills the point's, which is wider than high.
+fn fill_wide(point: &mut Point) {
+    let [width, height] = point.size.map(|side| side as f32);
+    let camera = &mut point.scene.camera;
+    let half = (0.5 * camera.fov_deg).to_radians().tan() * (height / width).min(1.0);
+    camera.fov_deg = 2.0 * half.atan().to_degrees();
+}
+
 /// Times the Cornell box, which fills its picture, under one light: both forms, few components to all, with and without
 /// levels.
 ///
@@ -122,7 +130,7 @@ pub(super) fn cornell(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerE
     Ok(())
 }
 
-/// Times the Cornell box on larger screens: both forms, few components and all.
+/// Times the Cornell box on larger screens, which it fills: both forms, few components and all.
 ///
 /// # Errors
 /// The errors of the tracer.
@@ -134,7 +142,8 @@ pub(super) fn resolutions(params: &GpuBenchParams, rows: Rows) -> Result<(), Vie
         let counts = component_counts(&assets);
         for size in [FULL_HD, ULTRA_HD] {
             for components in [counts[0], counts[counts.len() - 1]] {
-                let point = workload.built_in(("cornell", MeshChoice::Cornell), &assets, size)?;
+                let mut point = workload.built_in(("cornell", MeshChoice::Cornell), &assets, size)?;
+                fill_wide(&mut point);
                 time_frame(&engine, &with_components(point, components), rows)?;
             }
         }

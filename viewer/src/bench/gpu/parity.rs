@@ -91,12 +91,12 @@ pub(super) fn compare_decoders(params: &GpuBenchParams, rows: Rows) -> Result<()
     compare(params, rows, &|options| options)
 }
 
-/// Compares decoders of which that on the CPU leaves out one component: [`compare_decoders`] must not accept it.
+/// Compares decoders of which that on the CPU leaves out all components: as [`compare_decoders`], which must not accept it.
 ///
 /// # Errors
 /// As [`compare_decoders`].
 pub(super) fn compare_wrong_decoders(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerError> {
-    compare(params, rows, &|options| DecodeOptions { components: 2, ..options })
+    compare(params, rows, &|options| DecodeOptions { components: 0, ..options })
 }
 
 /// Compares decoders, with the options of the CPU's as `cpu_options` makes them.

@@ -35,7 +35,7 @@ pub struct GpuResults {
 pub struct StepRecord {
     /// Name of the step.
     pub name: String,
-    /// `ok`, `failed: ` with a sentence, `timed out`, or `skipped: no time`.
+    /// `ok`, `failed: ` with a sentence, `timed out`, or `skipped: ` with a reason.
     pub status: String,
     /// Seconds that it took.
     pub seconds: f64,
@@ -44,8 +44,8 @@ pub struct StepRecord {
 }
 
 impl StepRecord {
-    /// Tells whether the step came to its end.
-    pub fn is_ok(&self) -> bool {
-        self.status == "ok"
+    /// Tells whether the step was begun and did not come to its end.
+    pub fn has_failed(&self) -> bool {
+        self.status != "ok" && !self.status.starts_with("skipped")
     }
 }

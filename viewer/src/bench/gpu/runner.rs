@@ -55,8 +55,16 @@ pub fn run_gpu_bench(params: &GpuBenchParams, run: &GpuBenchRun, control: &Contr
     write(run.out, &results)?;
     for (number, step) in steps.iter().enumerate() {
         let left_s = 60.0 * run.minutes - start.elapsed().as_secs_f64();
-        let record = if left_s < LEAST_S {
-            StepRecord { name: step.name.into(), status: "skipped: no time".into(), seconds: 0.0, rows: Vec::new() }
+        let skipped = |why: &str| StepRecord {
+            name: step.name.into(),
+            status: format!("skipped: {why}"),
+            seconds: 0.0,
+            rows: Vec::new(),
+        };
+        let record = if params.quick && !step.in_quick_runs {
+            skipped("not in a quick run")
+        } else if left_s < LEAST_S {
+            skipped("no time")
         } else {
             let deadline = Duration::from_secs_f64(left_s.min(step.deadline_s as f64));
             run_child(step.name, &mut (run.command)(step.name), deadline, control.cancelled)?

@@ -10,32 +10,35 @@ pub(super) struct Step {
     pub name: &'static str,
     /// Seconds after which the process is ended.
     pub deadline_s: u64,
+    /// Whether a quick run has it: software drivers compile the shaders of volumes for minutes, and have no time for many
+    /// triangles.
+    pub in_quick_runs: bool,
     /// Measures and hands over the rows.
     pub run: fn(&GpuBenchParams, Rows) -> Result<(), ViewerError>,
 }
 
 /// The steps. Compilers of drivers take tens of seconds for our shaders when they meet them first, so no deadline is short.
 pub(super) const STEPS: [Step; 12] = [
-    Step { name: "adapter", deadline_s: 30, run: adapter::tell },
-    Step { name: "roofline", deadline_s: 60, run: roofline::measure },
-    Step { name: "parity-decode", deadline_s: 120, run: parity::compare_decoders },
-    Step { name: "cornell", deadline_s: 120, run: frames::cornell },
-    Step { name: "resolutions", deadline_s: 120, run: frames::resolutions },
-    Step { name: "canopy", deadline_s: 120, run: canopies::canopy_of_the_paper },
-    Step { name: "lights", deadline_s: 90, run: frames::lights },
-    Step { name: "parity-pictures", deadline_s: 120, run: picture_parity::compare_pictures },
-    Step { name: "models", deadline_s: 90, run: frames::models },
-    Step { name: "landscapes", deadline_s: 90, run: frames::landscapes },
-    Step { name: "expansion", deadline_s: 90, run: expansion::measure },
-    Step { name: "canopies", deadline_s: 120, run: canopies::canopies },
+    Step { name: "adapter", deadline_s: 30, in_quick_runs: true, run: adapter::tell },
+    Step { name: "roofline", deadline_s: 60, in_quick_runs: true, run: roofline::measure },
+    Step { name: "parity-decode", deadline_s: 120, in_quick_runs: true, run: parity::compare_decoders },
+    Step { name: "cornell", deadline_s: 120, in_quick_runs: true, run: frames::cornell },
+    Step { name: "resolutions", deadline_s: 120, in_quick_runs: true, run: frames::resolutions },
+    Step { name: "canopy", deadline_s: 120, in_quick_runs: false, run: canopies::canopy_of_the_paper },
+    Step { name: "lights", deadline_s: 90, in_quick_runs: true, run: frames::lights },
+    Step { name: "parity-pictures", deadline_s: 120, in_quick_runs: true, run: picture_parity::compare_pictures },
+    Step { name: "models", deadline_s: 90, in_quick_runs: true, run: frames::models },
+    Step { name: "landscapes", deadline_s: 90, in_quick_runs: false, run: frames::landscapes },
+    Step { name: "expansion", deadline_s: 90, in_quick_runs: true, run: expansion::measure },
+    Step { name: "canopies", deadline_s: 120, in_quick_runs: true, run: canopies::canopies },
 ];
 
 /// Steps that fail on purpose: they run only where `--only` names them, and show that a failure is noticed and costs nothing
 /// but its step.
 pub(super) const PLANTED: [Step; 3] = [
-    Step { name: "planted-abort", deadline_s: 30, run: abort },
-    Step { name: "planted-hang", deadline_s: 2, run: hang },
-    Step { name: "planted-wrong-decode", deadline_s: 120, run: parity::compare_wrong_decoders },
+    Step { name: "planted-abort", deadline_s: 30, in_quick_runs: true, run: abort },
+    Step { name: "planted-hang", deadline_s: 2, in_quick_runs: true, run: hang },
+    Step { name: "planted-wrong-decode", deadline_s: 120, in_quick_runs: true, run: parity::compare_wrong_decoders },
 ];
 
 /// Finds a step, planted ones among them.

@@ -11,13 +11,15 @@ use crate::scene::asset::SceneAsset;
 use crate::scene::scene::{MeshChoice, Scene};
 use btf_runtime::PackedGoal;
 use btf_runtime::testing::dense_asset;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Texels per side, and components, of the asset that stands in where none is given; and of a quick one.
 const DENSE: (usize, usize) = (256, 81);
 const QUICK_DENSE: (usize, usize) = (32, 24);
-/// The share of the expanded form's bytes that the packed form takes.
+/// The share of the expanded form's bytes that the packed form takes, and the bytes that it may take at least: most of a
+/// small asset are no bases.
 const PACKED_SHARE: u64 = 8;
+const LEAST_PACKED_BYTES: u64 = 1_000_000;
 /// The divisor of a picture's sides in a quick run.
 const QUICK_SHRINK: u32 = 8;
 
@@ -36,6 +38,8 @@ pub(super) struct Workload<'a> {
     pub params: &'a GpuBenchParams,
     pub gpu: Gpu,
     pub tracer: GpuTracer,
+    /// The assets as they are given or stand in, once somebody has asked for them.
+    expanded: OnceLock<Vec<Arc<SceneAsset>>>,
 }
 
 impl<'a> Workload<'a> {
@@ -47,7 +51,7 @@ impl<'a> Workload<'a> {
         let gpu = Gpu::headless(params.adapter.as_deref())?;
         let tracer = params.tracer.unwrap_or(gpu.best_tracer());
         gpu.require(tracer)?;
-        Ok(Workload { params, gpu, tracer })
+        Ok(Workload { params, gpu, tracer, expanded: OnceLock::new() })
     }
 
     /// Returns the renderer that is measured.
@@ -57,18 +61,21 @@ impl<'a> Workload<'a> {
 
     /// Returns the assets in a form. Cost: where they are in file form, packing expands their bases twice.
     pub(super) fn assets(&self, form: ResidentForm) -> Vec<Arc<SceneAsset>> {
-        let assets = match self.params.assets.as_slice() {
+        let assets = self.expanded.get_or_init(|| match self.params.assets.as_slice() {
             [] => {
                 let (side, components) = if self.params.quick { QUICK_DENSE } else { DENSE };
                 let name = format!("random content, {side} x {side} texels, {components} components");
                 vec![Arc::new(SceneAsset::new(name, dense_asset(1, side, components)))]
             }
             given => given.to_vec(),
-        };
+        });
         if form == ResidentForm::Expanded {
-            return assets;
+            return assets.clone();
         }
-        let goal = |asset: &SceneAsset| PackedGoal::Bytes(4 * asset.head().words().len() as u64 / PACKED_SHARE);
+        let goal = |asset: &SceneAsset| {
+            let bytes = 4 * asset.head().words().len() as u64;
+            PackedGoal::Bytes((bytes / PACKED_SHARE).max(LEAST_PACKED_BYTES))
+        };
         assets.iter().map(|asset| Arc::new(asset.packed(goal(asset)))).collect()
     }
 

@@ -1,0 +1,384 @@
+//! The page of a GPU's figures, from what `btf-view bench gpu` wrote.
+
+use serde_json::Value;
+use std::fmt::Write;
+
+/// The forms of assets in memory, as rows name them.
+const FORMS: [&str; 2] = ["expanded", "packed"];
+/// Steps of frames, with what their tables show.
+const FRAME_STEPS: [(&str, &str); 7] = [
+    ("cornell", "Cornell box that fills its picture"),
+    ("resolutions", "Cornell box on larger screens, which it fills"),
+    ("lights", "Lights"),
+    ("models", "Shoe, boots, pullover"),
+    ("canopy", "Canopy of as many triangles as Miao's"),
+    ("canopies", "Canopies under sun and sky, with one ray for what occludes the sky"),
+    ("landscapes", "Landscapes of volumetric textures"),
+];
+
+/// What an H100 should reach.
+struct Goal {
+    what: &'static str,
+    /// The bound as a reader sees it.
+    bound: &'static str,
+    /// Whether a figure meets it.
+    is_met: fn(f64) -> bool,
+    /// Returns the figure with assets of a form, or of a scene without any.
+    figure: fn(&Value, Option<&str>) -> Option<f64>,
+    /// Whether there are figures for each form.
+    of_forms: bool,
+}
+
+const GOALS: [Goal; 5] = [
+    Goal {
+        what: "Cornell box, 512 x 512, one light, all components: frames a second",
+        bound: "at least 3,000",
+        is_met: |per_s| per_s >= 3000.0,
+        figure: |results, form| {
+            let row = frame(results, "cornell", |row| row["form"] == *form.unwrap_or("") && has_all(results, row))?;
+            // Frames that wait for one another also measure the way to the GPU and back.
+            Some(1e3 / row["unwaited_ms"].as_f64().or(row["frame_ms"].as_f64())?)
+        },
+        of_forms: true,
+    },
+    Goal {
+        what: "Cornell box, 1920 x 1080, 8 components: ms",
+        bound: "at most 1",
+        is_met: |ms| ms <= 1.0,
+        figure: |results, form| full_hd_ms(results, form, |row| row["components"] == 8),
+        of_forms: true,
+    },
+    Goal {
+        what: "Cornell box, 1920 x 1080, all components: ms",
+        bound: "at most 3",
+        is_met: |ms| ms <= 3.0,
+        figure: |results, form| full_hd_ms(results, form, |row| has_all(results, row)),
+        of_forms: true,
+    },
+    Goal {
+        what: "16 lights over one light: times",
+        bound: "at most 4",
+        is_met: |ratio| ratio <= 4.0,
+        figure: |results, form| {
+            let ms = |lights: u32| {
+                let row = frame(results, "lights", |row| row["form"] == *form.unwrap_or("") && row["lights"] == lights);
+                row?["frame_ms"].as_f64()
+            };
+            Some(ms(16)? / ms(1)?)
+        },
+        of_forms: true,
+    },
+    Goal {
+        what: "8.6 million triangles, 1920 x 1080, sun, sky, one occlusion ray: ms",
+        bound: "at most 8",
+        is_met: |ms| ms <= 8.0,
+        figure: |results, _| frame(results, "canopy", |row| row["width"] == 1920)?["frame_ms"].as_f64(),
+        of_forms: false,
+    },
+];
+
+/// Returns whether results are of a whole run on a GPU, and not of a software driver or a quick run.
+pub fn is_of_a_gpu(results: &Value) -> bool {
+    let interface = adapter(results).and_then(|row| row["interface"].as_str());
+    results["quick"] == false && interface.is_some_and(|interface| !interface.ends_with("Cpu"))
+}
+
+/// Makes the page; `head` is the commit of the checkout, which is told where the program did not know its own.
+///
+/// # Errors
+/// A sentence where these are no results.
+pub fn page(results: &Value, head: Option<&str>) -> Result<String, String> {
+    if !results["steps"].is_array() {
+        return Err("these are no results of `btf-view bench gpu`, there is no list of steps".into());
+    }
+    let sections = [
+        introduction(results, head),
+        goals(results),
+        parity(results),
+        roofline(results),
+        FRAME_STEPS.iter().map(|(step, title)| frames(results, step, title)).collect(),
+        expansion(results),
+        steps(results),
+    ];
+    Ok(sections.concat())
+}
+
+fn rows<'a>(results: &'a Value, step: &str) -> impl Iterator<Item = &'a Value> {
+    let steps = results["steps"].as_array().into_iter().flatten();
+    let step = steps.filter(move |found| found["name"] == *step).collect::<Vec<_>>();
+    step.into_iter().flat_map(|step| step["rows"].as_array().into_iter().flatten())
+}
+
+fn frame<'a>(results: &'a Value, step: &str, wanted: impl Fn(&Value) -> bool) -> Option<&'a Value> {
+    // The points with a variant leave something out.
+    rows(results, step).find(|row| row["kind"] == "frame" && row["variant"] == "" && wanted(row))
+}
+
+/// Returns whether a row has as many components as any of the run.
+fn has_all(results: &Value, row: &Value) -> bool {
+    let counts = ["cornell", "resolutions"].into_iter().flat_map(|step| rows(results, step));
+    row["components"].as_u64() == counts.filter_map(|row| row["components"].as_u64()).max()
+}
+
+fn full_hd_ms(results: &Value, form: Option<&str>, wanted: impl Fn(&Value) -> bool) -> Option<f64> {
+    let is_it = |row: &Value| row["form"] == *form.unwrap_or("") && row["width"] == 1920 && wanted(row);
+    frame(results, "resolutions", is_it)?["frame_ms"].as_f64()
+}
+
+fn adapter(results: &Value) -> Option<&Value> {
+    rows(results, "adapter").next()
+}
+
+fn text(value: &Value) -> &str {
+    value.as_str().unwrap_or("")
+}
+
+/// Returns a number in three digits or more, or a dash where there is none.
+fn number(value: &Value) -> String {
+    match value.as_f64() {
+        None => "-".into(),
+        Some(x) if x == 0.0 || x.abs() >= 100.0 => format!("{x:.0}"),
+        Some(x) if x.abs() >= 10.0 => format!("{x:.1}"),
+        Some(x) if x.abs() >= 1.0 => format!("{x:.2}"),
+        Some(x) => format!("{x:.3}"),
+    }
+}
+
+fn scaled(value: &Value, factor: f64) -> String {
+    number(&value.as_f64().map_or(Value::Null, |x| (x * factor).into()))
+}
+
+fn introduction(results: &Value, head: Option<&str>) -> String {
+    let nothing = Value::Null;
+    let adapter = adapter(results).unwrap_or(&nothing);
+    let words: Vec<&str> = results["command"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let assets: Vec<&str> = results["assets"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let commit = match (results["commit"].as_str(), head) {
+        (Some(commit), _) => format!("commit `{commit}`"),
+        (None, Some(head)) => format!("a build that does not know its commit, reported at commit `{head}`"),
+        (None, None) => "a build that does not know its commit".into(),
+    };
+    let assets = match assets.is_empty() {
+        true => "an asset of random content, as large as measured ones".into(),
+        false => assets.join(", "),
+    };
+    let canopy = results["mesh"].as_str().unwrap_or("a plant that comes with the viewer, in diffuse sheets");
+    format!(
+        "# Measured on a GPU\n\n`btf-view {}`, {commit}, {} s.\n\n- Adapter: {} ({}), driver {} {}, rays by {}.\n- Assets: \
+         {assets}.\n- Canopies: {canopy}.\n\nTimes are medians of GPU timestamps. Written by `cargo xtask gpu-report`.\n\n",
+        words.join(" "),
+        number(&results["seconds"]),
+        adapter["name"].as_str().unwrap_or("not known"),
+        text(&adapter["interface"]),
+        text(&adapter["driver"]),
+        text(&adapter["driver_info"]),
+        text(&adapter["tracer"]),
+    )
+}
+
+fn goals(results: &Value) -> String {
+    let mut table =
+        String::from("## Goals\n\nOf an H100.\n\n| | goal | expanded bases | packed bases |\n|---|---|---|---|\n");
+    for goal in &GOALS {
+        let told = |form: Option<&str>| match (goal.figure)(results, form) {
+            None => "not run".to_string(),
+            Some(x) => format!("{}, {}", number(&x.into()), if (goal.is_met)(x) { "met" } else { "not met" }),
+        };
+        let cells = match goal.of_forms {
+            true => FORMS.map(|form| told(Some(form))),
+            false => [told(None), "(no asset)".into()],
+        };
+        let _ = writeln!(table, "| {} | {} | {} | {} |", goal.what, goal.bound, cells[0], cells[1]);
+    }
+    table + "\n"
+}
+
+fn parity(results: &Value) -> String {
+    let mut table = String::from(
+        "## Parity with the CPU\n\n| | form | | differing | allowed | worst |\n|---|---|---|---|---|---|\n",
+    );
+    for row in rows(results, "parity-decode") {
+        let what = format!("{} decoded samples, {}", row["samples"], text(&row["interpolation"]));
+        let worst = format!("{} tolerances", number(&row["worst"]));
+        let (form, asset) = (text(&row["form"]), text(&row["asset"]));
+        let _ = writeln!(table, "| {what} | {form} | {asset} | {} | {} | {worst} |", row["differing"], row["allowed"]);
+    }
+    for row in rows(results, "parity-pictures") {
+        let what = format!("{} x {} pixels, {}", row["width"], row["height"], text(&row["scene"]));
+        let worst = format!("{} dB", number(&row["psnr_db"]));
+        let (form, backend) = (text(&row["form"]), text(&row["backend"]));
+        let _ =
+            writeln!(table, "| {what} | {form} | {backend} | {} | {} | {worst} |", row["differing"], row["allowed"]);
+    }
+    table + &not_run(results, &["parity-decode", "parity-pictures"])
+}
+
+fn roofline(results: &Value) -> String {
+    let mut section = String::from("## Roofline\n\n");
+    if let Some(row) = rows(results, "roofline").next() {
+        let _ = writeln!(
+            section,
+            "Copies of {} MB take {} GB/s, bytes read and written together; multiply-adds in registers come at {} T/s.",
+            scaled(&row["copied_bytes"], 1e-6),
+            number(&row["copy_gigabytes_per_s"]),
+            number(&row["tera_multiply_adds_per_s"])
+        );
+    }
+    section + &not_run(results, &["roofline"])
+}
+
+fn frames(results: &Value, step: &str, title: &str) -> String {
+    let mut table = format!(
+        "## {title}\n\n| scene | form | size | lights | components | triangles | ms | camera, volume, light, bounce | not waited \
+         for | M rays/s | M evaluations/s | GB/s, of copying |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n"
+    );
+    let copied = rows(results, "roofline").next().and_then(|row| row["copy_gigabytes_per_s"].as_f64());
+    for row in rows(results, step) {
+        let passes = ["camera_ms", "volume_ms", "light_ms", "bounce_ms"].map(|pass| number(&row["passes"][pass]));
+        let bytes = match (row["gigabytes_per_s"].as_f64(), copied) {
+            (Some(x), Some(copied)) => format!("{}, {:.2}", number(&x.into()), x / copied),
+            _ => "-".into(),
+        };
+        let bands = match row["bands"].as_u64() {
+            Some(bands) if bands > 1 => format!(" ({bands} bands)"),
+            _ => String::new(),
+        };
+        let _ = writeln!(
+            table,
+            "| {} {} | {} | {} x {} | {} | {} | {} | {}{bands} | {} | {} | {} | {} | {bytes} |",
+            text(&row["mesh"]),
+            text(&row["variant"]),
+            text(&row["form"]),
+            row["width"],
+            row["height"],
+            row["lights"],
+            row["components"],
+            row["triangles"],
+            number(&row["frame_ms"]),
+            passes.join(", "),
+            number(&row["unwaited_ms"]),
+            scaled(&row["rays_per_s"], 1e-6),
+            scaled(&row["evaluations_per_s"], 1e-6),
+        );
+    }
+    table + &not_run(results, &[step])
+}
+
+fn expansion(results: &Value) -> String {
+    let mut table = String::from(
+        "## Into memory\n\n| asset | MB expanded | packed | expanded on the CPU, ms | uploaded, ms | GB/s | packed, uploaded, \
+         ms | expanded on the GPU, ms: first, again |\n|---|---|---|---|---|---|---|---|\n",
+    );
+    for row in rows(results, "expansion") {
+        let _ = writeln!(
+            table,
+            "| {} | {} | {} | {} | {} | {} | {} | {}, {} |",
+            text(&row["asset"]),
+            scaled(&row["expanded_bytes"], 1e-6),
+            scaled(&row["packed_bytes"], 1e-6),
+            number(&row["cpu_ms"]),
+            number(&row["upload_ms"][1]),
+            number(&row["upload_gigabytes_per_s"]),
+            number(&row["packed_upload_ms"]),
+            number(&row["gpu_ms"][0]),
+            number(&row["gpu_ms"][1]),
+        );
+    }
+    table + &not_run(results, &["expansion"])
+}
+
+/// Returns a paragraph that says which of these steps gave nothing or ended early; an empty line where none did.
+fn not_run(results: &Value, names: &[&str]) -> String {
+    let steps = || results["steps"].as_array().into_iter().flatten();
+    let mut said = String::from("\n");
+    for name in names {
+        let status = steps().find(|step| step["name"] == **name).map_or("not run", |step| text(&step["status"]));
+        if status != "ok" {
+            let _ = writeln!(said, "`{name}`: {status}.\n");
+        }
+    }
+    said
+}
+
+fn steps(results: &Value) -> String {
+    let mut table = String::from("## Steps\n\n| step | seconds | rows | |\n|---|---|---|---|\n");
+    for step in results["steps"].as_array().into_iter().flatten() {
+        let count = step["rows"].as_array().map_or(0, Vec::len);
+        let (name, status) = (text(&step["name"]), text(&step["status"]));
+        let _ = writeln!(table, "| {name} | {} | {count} | {status} |", number(&step["seconds"]));
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn frame_row(form: &str, size: [u32; 2], lights: u32, components: u32, frame_ms: f64) -> Value {
+        json!({
+            "kind": "frame", "mesh": "cornell", "variant": "", "form": form, "width": size[0], "height": size[1],
+            "lights": lights, "components": components, "triangles": 1000, "frame_ms": frame_ms, "unwaited_ms": null,
+            "passes": {"camera_ms": 0.1, "volume_ms": 0.0, "light_ms": 0.2, "bounce_ms": 0.0}, "bands": 1,
+            "rays_per_s": 2e9, "evaluations_per_s": 1e9, "gigabytes_per_s": 500.0,
+        })
+    }
+
+    fn results() -> Value {
+        let step = |name: &str, status: &str, rows: Vec<Value>| json!({"name": name, "status": status, "seconds": 1.5, "rows": rows});
+        let adapter = json!({"kind": "adapter", "name": "Fast 1", "interface": "vulkan DiscreteGpu", "driver": "d",
+                             "driver_info": "5", "tracer": "bvh"});
+        let roofline = json!({"kind": "roofline", "copy_gigabytes_per_s": 1000.0, "tera_multiply_adds_per_s": 20.0,
+                              "copied_bytes": 512_000_000});
+        json!({
+            "version": "0.1.0", "commit": null, "command": ["bench", "gpu", "-o", "x"], "assets": ["cloth"], "mesh": null,
+            "quick": false, "seconds": 77.0, "finished": true,
+            "steps": [
+                step("adapter", "ok", vec![adapter]),
+                step("roofline", "ok", vec![roofline]),
+                step("cornell", "ok", vec![
+                    frame_row("expanded", [512, 512], 1, 8, 0.1),
+                    frame_row("expanded", [512, 512], 1, 81, 0.25),
+                    frame_row("packed", [512, 512], 1, 81, 0.5),
+                ]),
+                step("resolutions", "failed: the device was lost", vec![frame_row("expanded", [1920, 1080], 1, 8, 0.9)]),
+                step("lights", "ok", vec![
+                    frame_row("packed", [512, 512], 1, 81, 0.5), frame_row("packed", [512, 512], 16, 81, 2.5),
+                ]),
+            ],
+        })
+    }
+
+    #[test]
+    fn goals_stand_beside_their_figures_and_what_was_not_run_says_so() {
+        let page = page(&results(), Some("abc1234")).unwrap();
+        for line in [
+            "| Cornell box, 512 x 512, one light, all components: frames a second | at least 3,000 | 4000, met | 2000, not met |",
+            "| Cornell box, 1920 x 1080, 8 components: ms | at most 1 | 0.900, met | not run |",
+            "| Cornell box, 1920 x 1080, all components: ms | at most 3 | not run | not run |",
+            "| 16 lights over one light: times | at most 4 | not run | 5.00, not met |",
+            "`resolutions`: failed: the device was lost.",
+            "`canopies`: not run.",
+            "- Adapter: Fast 1 (vulkan DiscreteGpu), driver d 5, rays by bvh.",
+        ] {
+            assert!(page.lines().any(|found| found == line), "{line}\n{page}");
+        }
+        assert!(page.contains("reported at commit `abc1234`") && page.contains("| 500, 0.50 |"), "{page}");
+        // Planted: frames that take longer than the goal.
+        let mut slow = results();
+        slow["steps"][2]["rows"][1]["frame_ms"] = json!(0.4);
+        assert!(super::page(&slow, None).unwrap().contains("| 2500, not met |"));
+    }
+
+    #[test]
+    fn only_a_whole_run_on_a_gpu_is_for_the_documents() {
+        assert!(is_of_a_gpu(&results()));
+        let mut other = results();
+        other["quick"] = json!(true);
+        assert!(!is_of_a_gpu(&other));
+        let mut other = results();
+        other["steps"][0]["rows"][0]["interface"] = json!("vulkan Cpu");
+        assert!(!is_of_a_gpu(&other));
+        assert!(page(&json!({}), None).is_err());
+    }
+}
