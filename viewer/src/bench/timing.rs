@@ -39,11 +39,23 @@ impl Engine {
     /// # Errors
     /// The errors of [`Tracer`].
     pub(super) fn time(&self, point: &Point) -> Result<BenchRow, ViewerError> {
+        self.time_with(&mut None, point)
+    }
+
+    /// Times the frames of a point with the `tracer` of an earlier one, which must have shown the same geometry and assets
+    /// by the same decoder, or, where there is none, makes it: then nothing is uploaded or compiled twice.
+    ///
+    /// # Errors
+    /// The errors of [`Tracer`].
+    pub(super) fn time_with(&self, tracer: &mut Option<Tracer>, point: &Point) -> Result<BenchRow, ViewerError> {
         let mut times = match self {
             Engine::Cpu => time_on_cpu(point),
             Engine::Gpu(gpu, kind) => {
-                let mut tracer = Tracer::with_decoder(gpu, &point.scene, *kind, point.decoder)?;
-                time_on_gpu(gpu, &mut tracer, point)?
+                let tracer = match tracer {
+                    Some(tracer) => tracer,
+                    none => none.insert(Tracer::with_decoder(gpu, &point.scene, *kind, point.decoder)?),
+                };
+                time_on_gpu(gpu, tracer, point)?
             }
         };
         times.frames.sort_by(|a, b| a.0.total_cmp(&b.0));

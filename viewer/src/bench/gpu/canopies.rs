@@ -1,6 +1,6 @@
 //! Canopies under sun and sky, with one ray for what occludes the sky.
 
-use crate::bench::gpu::frames::time_frame;
+use crate::bench::gpu::frames::FrameTimer;
 use crate::bench::gpu::params::GpuBenchParams;
 use crate::bench::gpu::rows::Rows;
 use crate::bench::gpu::workload::Workload;
@@ -40,7 +40,7 @@ fn time_canopies(params: &GpuBenchParams, triangles: &[u64], rows: Rows) -> Resu
             None => ("plants", instanced_plants(*count)?),
         };
         let point = workload.point(name, outdoors(scene)?, SIZE);
-        time_frame(&engine, &Point { shade: by_normal(point.shade), ..point }, rows)?;
+        FrameTimer::new(&engine).time(&Point { shade: by_normal(point.shade), ..point }, rows)?;
     }
     Ok(())
 }

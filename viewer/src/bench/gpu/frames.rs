@@ -6,6 +6,7 @@ use crate::bench::gpu::rows::{Rows, row_of};
 use crate::bench::gpu::workload::{ResidentForm, Workload};
 use crate::bench::points::{Point, landscape_points};
 use crate::error::ViewerError;
+use crate::gpu::tracer::Tracer;
 use crate::render::engine::Engine;
 use crate::scene::asset::SceneAsset;
 use crate::scene::scene::MeshChoice;
@@ -46,18 +47,37 @@ struct FrameRow<'a> {
     tera_multiply_adds_per_s: Option<f64>,
 }
 
-/// Times a point and hands its row over.
-///
-/// # Errors
-/// The errors of the tracer.
-pub(super) fn time_frame(engine: &Engine, point: &Point, rows: Rows) -> Result<(), ViewerError> {
-    let frame = engine.time(point)?;
+/// Times points of scenes of the same geometry and assets, which are uploaded and compiled once.
+pub(super) struct FrameTimer<'a> {
+    engine: &'a Engine,
+    tracer: Option<Tracer>,
+}
+
+impl FrameTimer<'_> {
+    /// Makes a timer for points of one scene.
+    pub(super) fn new(engine: &Engine) -> FrameTimer<'_> {
+        FrameTimer { engine, tracer: None }
+    }
+
+    /// Times a point and hands its row over.
+    ///
+    /// # Errors
+    /// The errors of the tracer.
+    pub(super) fn time(&mut self, point: &Point, rows: Rows) -> Result<(), ViewerError> {
+        let frame = self.engine.time_with(&mut self.tracer, point)?;
+        rows(frame_row(point, &frame));
+        Ok(())
+    }
+}
+
+/// Makes the row of a timed point.
+fn frame_row(point: &Point, frame: &BenchRow) -> serde_json::Value {
     let asset = point.scene.assets.first();
     let per_s = |count: u64| count as f64 * 1e3 / frame.frame_ms;
     let traffic = asset.and_then(|asset| mean_traffic(asset, &point.shade.decode));
     let evaluations_per_s = per_s(frame.spmm_evaluations);
     let row = FrameRow {
-        frame: &frame,
+        frame,
         form: asset.map(|asset| match asset.head().is_packed(0) {
             true => ResidentForm::Packed,
             false => ResidentForm::Expanded,
@@ -71,8 +91,7 @@ pub(super) fn time_frame(engine: &Engine, point: &Point, rows: Rows) -> Result<(
         gigabytes_per_s: traffic.map(|[bytes, _]| bytes * evaluations_per_s * 1e-9),
         tera_multiply_adds_per_s: traffic.map(|[_, multiply_adds]| multiply_adds * evaluations_per_s * 1e-12),
     };
-    rows(row_of("frame", &row));
-    Ok(())
+    row_of("frame", &row)
 }
 
 /// Returns the mean bytes and multiply-adds of evaluations at random; none for an asset that came in resident form.
@@ -95,11 +114,6 @@ fn component_counts(assets: &[Arc<SceneAsset>]) -> Vec<u32> {
     [FEW, SOME].into_iter().filter(|count| *count < all).chain([all]).collect()
 }
 
-fn with_components(mut point: Point, components: u32) -> Point {
-    point.shade.decode.components = components;
-    point
-}
-
 /// Narrows the field of view so that what fills a square picture fills the point's, which is wider than high.
 fn fill_wide(point: &mut Point) {
     let [width, height] = point.size.map(|side| side as f32);
@@ -118,14 +132,16 @@ pub(super) fn cornell(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerE
     let engine = workload.engine();
     for form in [ResidentForm::Expanded, ResidentForm::Packed] {
         let assets = workload.assets(form);
-        let point = || workload.built_in(("cornell", MeshChoice::Cornell), &assets, BOX);
+        let mut timer = FrameTimer::new(&engine);
+        let mut point = workload.built_in(("cornell", MeshChoice::Cornell), &assets, BOX)?;
         for components in component_counts(&assets).into_iter().rev() {
-            time_frame(&engine, &with_components(point()?, components), rows)?;
+            point.shade.decode.components = components;
+            timer.time(&point, rows)?;
         }
-        let mut finest = point()?;
+        let mut finest = workload.built_in(("cornell", MeshChoice::Cornell), &assets, BOX)?;
         finest.shade.levels = false;
         finest.variant = "finest texels only";
-        time_frame(&engine, &finest, rows)?;
+        timer.time(&finest, rows)?;
     }
     Ok(())
 }
@@ -140,11 +156,13 @@ pub(super) fn resolutions(params: &GpuBenchParams, rows: Rows) -> Result<(), Vie
     for form in [ResidentForm::Expanded, ResidentForm::Packed] {
         let assets = workload.assets(form);
         let counts = component_counts(&assets);
+        let mut timer = FrameTimer::new(&engine);
         for size in [FULL_HD, ULTRA_HD] {
             for components in [counts[0], counts[counts.len() - 1]] {
                 let mut point = workload.built_in(("cornell", MeshChoice::Cornell), &assets, size)?;
                 fill_wide(&mut point);
-                time_frame(&engine, &with_components(point, components), rows)?;
+                point.shade.decode.components = components;
+                timer.time(&point, rows)?;
             }
         }
     }
@@ -161,10 +179,11 @@ pub(super) fn lights(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerEr
     let counts: &[usize] = if params.quick { &[1, 16] } else { &[1, 16, 2, 4, 8, 32, 64] };
     for form in [ResidentForm::Expanded, ResidentForm::Packed] {
         let assets = workload.assets(form);
+        let mut timer = FrameTimer::new(&engine);
         for count in counts {
             let mut point = workload.built_in(("cornell", MeshChoice::Cornell), &assets, BOX)?;
             point.scene.place_lights(*count);
-            time_frame(&engine, &point, rows)?;
+            timer.time(&point, rows)?;
         }
     }
     Ok(())
@@ -180,7 +199,7 @@ pub(super) fn models(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerEr
     let assets = workload.assets(ResidentForm::Expanded);
     let models = [("shoe", MeshChoice::Shoe), ("boots", MeshChoice::Boots), ("pullover", MeshChoice::Pullover)];
     for model in models {
-        time_frame(&engine, &workload.built_in(model, &assets, FULL_HD)?, rows)?;
+        FrameTimer::new(&engine).time(&workload.built_in(model, &assets, FULL_HD)?, rows)?;
     }
     Ok(())
 }
@@ -192,9 +211,13 @@ pub(super) fn models(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerEr
 pub(super) fn landscapes(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerError> {
     let workload = Workload::open(params)?;
     let engine = workload.engine();
+    let (mut timer, mut shown) = (FrameTimer::new(&engine), "");
     for (variant, name, scene) in landscape_points()? {
+        if name != shown {
+            (timer, shown) = (FrameTimer::new(&engine), name);
+        }
         let point = Point { variant, moves: true, ..workload.point(name, scene, FULL_HD) };
-        time_frame(&engine, &point, rows)?;
+        timer.time(&point, rows)?;
     }
     Ok(())
 }

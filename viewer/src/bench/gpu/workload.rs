@@ -16,10 +16,11 @@ use std::sync::{Arc, OnceLock};
 /// Texels per side, and components, of the asset that stands in where none is given; and of a quick one.
 const DENSE: (usize, usize) = (256, 81);
 const QUICK_DENSE: (usize, usize) = (32, 24);
-/// The share of the expanded form's bytes that the packed form takes, and the bytes that it may take at least: most of a
-/// small asset are no bases.
+/// The share of the expanded form's bytes that the packed form takes, of an asset of so many bytes or more.
 const PACKED_SHARE: u64 = 8;
-const LEAST_PACKED_BYTES: u64 = 1_000_000;
+const LARGE_BYTES: u64 = 32_000_000;
+/// PSNR to which the bases of smaller assets are packed, dB: most of their bytes are no bases, and an eighth would leave none.
+const PACKED_PSNR_DB: f32 = 40.0;
 /// The divisor of a picture's sides in a quick run.
 const QUICK_SHRINK: u32 = 8;
 
@@ -74,7 +75,10 @@ impl<'a> Workload<'a> {
         }
         let goal = |asset: &SceneAsset| {
             let bytes = 4 * asset.head().words().len() as u64;
-            PackedGoal::Bytes((bytes / PACKED_SHARE).max(LEAST_PACKED_BYTES))
+            match bytes < LARGE_BYTES {
+                true => PackedGoal::of_psnr(PACKED_PSNR_DB),
+                false => PackedGoal::Bytes(bytes / PACKED_SHARE),
+            }
         };
         assets.iter().map(|asset| Arc::new(asset.packed(goal(asset)))).collect()
     }
