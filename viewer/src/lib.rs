@@ -42,6 +42,7 @@ pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_
 pub use bench::gpu::params::GpuBenchParams;
 pub use bench::gpu::results::{GPU_RESULTS_FILE, GpuResults, StepRecord};
 pub use bench::gpu::runner::{GpuBenchRun, run_gpu_bench};
+pub use bench::gpu::stand_in::write_stand_in_asset;
 pub use bench::gpu::step::run_gpu_step;
 pub use bench::leaf_modes::LeafModeRow;
 pub use bench::plot::bench_svg;

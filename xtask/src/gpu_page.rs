@@ -163,15 +163,11 @@ fn introduction(results: &Value, head: Option<&str>) -> String {
         (None, Some(head)) => format!("a build that does not know its commit, reported at commit `{head}`"),
         (None, None) => "a build that does not know its commit".into(),
     };
-    let assets = match assets.is_empty() {
-        true => "an asset of random content, as large as measured ones".into(),
-        false => assets.join(", "),
-    };
     let timer = if adapter["timestamps"] == true { "GPU timestamps" } else { "the wall clock" };
     let canopy = results["mesh"].as_str().unwrap_or("a plant that comes with the viewer, in diffuse sheets");
     format!(
         "# Measured on a GPU\n\n`btf-view {}`, {commit}, {} s.\n\n- Adapter: {} ({}), driver {} {}, rays by {}.\n- Assets: \
-         {assets}.\n- Canopies: {canopy}.\n\nTimes are medians, by {timer}. Written by `cargo xtask gpu-report`.\n\n",
+         {}.\n- Canopies: {canopy}.\n\nTimes are medians, by {timer}. Written by `cargo xtask gpu-report`.\n\n",
         words.join(" "),
         number(&results["seconds"]),
         adapter["name"].as_str().unwrap_or("not known"),
@@ -179,6 +175,7 @@ fn introduction(results: &Value, head: Option<&str>) -> String {
         text(&adapter["driver"]),
         text(&adapter["driver_info"]),
         text(&adapter["tracer"]),
+        assets.join(", "),
     )
 }
 

@@ -5,11 +5,12 @@ use super::parse::parse_positive;
 use super::progress::with_progress;
 use btf_viewer::{
     GPU_RESULTS_FILE, GpuBenchParams, GpuBenchRun, GpuResults, GpuTracer, StepRecord, ViewerError, run_gpu_bench,
-    run_gpu_step,
+    run_gpu_step, write_stand_in_asset,
 };
 use clap::ValueEnum;
 use std::path::PathBuf;
 use std::process::Command;
+use std::time::Instant;
 
 /// Arguments of the command.
 #[derive(clap::Args)]
@@ -56,8 +57,14 @@ enum TracerName {
 /// # Errors
 /// The errors of [`run_gpu_bench`]; [`ViewerError::Steps`] where a step failed.
 pub(super) fn run(arguments: &GpuBenchArguments) -> Result<(), ViewerError> {
+    let start = Instant::now();
+    if let Some(mesh) = arguments.mesh.as_ref().filter(|mesh| !mesh.is_file()) {
+        return Err(ViewerError::Usage(format!("{}: there is no such file, give --mesh a model", mesh.display())));
+    }
+    let stands_in = arguments.assets.is_empty() && arguments.step.is_none();
+    let stand_in = stands_in.then(|| write_stand_in_asset(&arguments.out, arguments.quick)).transpose()?;
     let params = GpuBenchParams {
-        assets: load_assets(&arguments.assets)?,
+        assets: load_assets(stand_in.as_ref().map_or(&arguments.assets, std::slice::from_ref))?,
         mesh: arguments.mesh.clone(),
         adapter: arguments.adapter.clone(),
         tracer: arguments.backend.map(|name| match name {
@@ -69,20 +76,18 @@ pub(super) fn run(arguments: &GpuBenchArguments) -> Result<(), ViewerError> {
     if let Some(step) = &arguments.step {
         return run_gpu_step(step, &params);
     }
-    if let Some(mesh) = arguments.mesh.as_ref().filter(|mesh| !mesh.is_file()) {
-        return Err(ViewerError::Usage(format!("{}: there is no such file, give --mesh a model", mesh.display())));
-    }
     let program = std::env::current_exe().map_err(|error| {
         ViewerError::Usage(format!("the program does not find itself ({error}), run it by its path"))
     })?;
     let own = || std::env::args_os().skip(1);
     let command = |step: &str| {
         let mut command = Command::new(&program);
-        command.args(own()).args(["--step", step]);
+        command.args(own()).args(&stand_in).args(["--step", step]);
         command
     };
     let run = GpuBenchRun {
         out: &arguments.out,
+        start,
         minutes: arguments.minutes.into(),
         only: &arguments.only,
         command: &command,

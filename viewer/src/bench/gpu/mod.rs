@@ -17,5 +17,6 @@ pub(crate) mod results;
 mod roofline;
 mod rows;
 pub(crate) mod runner;
+pub(crate) mod stand_in;
 pub(crate) mod step;
 mod workload;

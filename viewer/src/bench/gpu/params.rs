@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// Parameters of the measurement of a GPU.
 #[derive(Debug, Clone, Default)]
 pub struct GpuBenchParams {
-    /// Assets that the scenes show in turn; where there are none, one of random content that is as large as measured ones.
+    /// Assets that the scenes show in turn, at least one.
     pub assets: Vec<Arc<SceneAsset>>,
     /// Model that canopies are made of; where there is none, a plant that comes with the viewer.
     pub mesh: Option<PathBuf>,

@@ -14,7 +14,7 @@ pub struct GpuResults {
     pub commit: Option<String>,
     /// Arguments of the program.
     pub command: Vec<String>,
-    /// Names of the assets; empty where one of random content stands in.
+    /// Names of the assets.
     pub assets: Vec<String>,
     /// Name of the model of the canopies; none for the plant that comes with the viewer.
     pub mesh: Option<String>,

@@ -18,7 +18,9 @@ const LEAST_S: f64 = 5.0;
 pub struct GpuBenchRun<'a> {
     /// Folder for `gpu.json`; made where it is missing.
     pub out: &'a Path,
-    /// Minutes that all steps may take together, above 0.
+    /// When the measurement began.
+    pub start: Instant,
+    /// Minutes from the start to the end of all steps, above 0.
     pub minutes: f64,
     /// Names of the steps to run; all of them where it is empty.
     pub only: &'a [String],
@@ -38,7 +40,6 @@ pub fn run_gpu_bench(params: &GpuBenchParams, run: &GpuBenchRun, control: &Contr
         [] => STEPS.iter().collect(),
         only => only.iter().map(|name| find(name).ok_or_else(|| no_such_step(name))).collect::<Result<_, _>>()?,
     };
-    let start = Instant::now();
     let mut results = GpuResults {
         version: env!("CARGO_PKG_VERSION").into(),
         commit: option_env!("BTF_COMMIT").map(String::from),
@@ -54,7 +55,7 @@ pub fn run_gpu_bench(params: &GpuBenchParams, run: &GpuBenchRun, control: &Contr
     create_folder(run.out)?;
     write(run.out, &results)?;
     for (number, step) in steps.iter().enumerate() {
-        let left_s = 60.0 * run.minutes - start.elapsed().as_secs_f64();
+        let left_s = 60.0 * run.minutes - run.start.elapsed().as_secs_f64();
         let skipped = |why: &str| StepRecord {
             name: step.name.into(),
             status: format!("skipped: {why}"),
@@ -70,7 +71,7 @@ pub fn run_gpu_bench(params: &GpuBenchParams, run: &GpuBenchRun, control: &Contr
             run_child(step.name, &mut (run.command)(step.name), deadline, control.cancelled)?
         };
         results.steps.push(record);
-        results.seconds = start.elapsed().as_secs_f64();
+        results.seconds = run.start.elapsed().as_secs_f64();
         results.finished = results.steps.len() == steps.len();
         write(run.out, &results)?;
         (control.progress)((number + 1) as f32 / steps.len() as f32);

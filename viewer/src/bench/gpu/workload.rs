@@ -10,12 +10,8 @@ use crate::render::engine::Engine;
 use crate::scene::asset::SceneAsset;
 use crate::scene::scene::{MeshChoice, Scene};
 use btf_runtime::PackedGoal;
-use btf_runtime::testing::dense_asset;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
-/// Texels per side, and components, of the asset that stands in where none is given; and of a quick one.
-const DENSE: (usize, usize) = (256, 81);
-const QUICK_DENSE: (usize, usize) = (32, 24);
 /// The share of the expanded form's bytes that the packed form takes, of an asset of so many bytes or more.
 const PACKED_SHARE: u64 = 8;
 const LARGE_BYTES: u64 = 32_000_000;
@@ -39,8 +35,6 @@ pub(super) struct Workload<'a> {
     pub params: &'a GpuBenchParams,
     pub gpu: Gpu,
     pub tracer: GpuTracer,
-    /// The assets as they are given or stand in, once somebody has asked for them.
-    expanded: OnceLock<Vec<Arc<SceneAsset>>>,
 }
 
 impl<'a> Workload<'a> {
@@ -52,7 +46,7 @@ impl<'a> Workload<'a> {
         let gpu = Gpu::headless(params.adapter.as_deref())?;
         let tracer = params.tracer.unwrap_or(gpu.best_tracer());
         gpu.require(tracer)?;
-        Ok(Workload { params, gpu, tracer, expanded: OnceLock::new() })
+        Ok(Workload { params, gpu, tracer })
     }
 
     /// Returns the renderer that is measured.
@@ -62,14 +56,7 @@ impl<'a> Workload<'a> {
 
     /// Returns the assets in a form. Cost: where they are in file form, packing expands their bases twice.
     pub(super) fn assets(&self, form: ResidentForm) -> Vec<Arc<SceneAsset>> {
-        let assets = self.expanded.get_or_init(|| match self.params.assets.as_slice() {
-            [] => {
-                let (side, components) = if self.params.quick { QUICK_DENSE } else { DENSE };
-                let name = format!("random content, {side} x {side} texels, {components} components");
-                vec![Arc::new(SceneAsset::new(name, dense_asset(1, side, components)))]
-            }
-            given => given.to_vec(),
-        });
+        let assets = &self.params.assets;
         if form == ResidentForm::Expanded {
             return assets.clone();
         }
