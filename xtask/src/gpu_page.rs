@@ -1,10 +1,10 @@
 //! The page of a GPU's figures, from what `btf-view bench gpu` wrote.
 
+use crate::gpu_goals::goals;
+use crate::gpu_results::{adapter, number, rows, scaled, text};
 use serde_json::Value;
 use std::fmt::Write;
 
-/// The forms of assets in memory, as rows name them.
-const FORMS: [&str; 2] = ["expanded", "packed"];
 /// Steps of frames, with what their tables show.
 const FRAME_STEPS: [(&str, &str); 7] = [
     ("cornell", "Cornell box that fills its picture"),
@@ -15,73 +15,6 @@ const FRAME_STEPS: [(&str, &str); 7] = [
     ("canopies", "Canopies under sun and sky, with one ray for what occludes the sky"),
     ("landscapes", "Landscapes of volumetric textures"),
 ];
-
-/// What an H100 should reach.
-struct Goal {
-    what: &'static str,
-    /// The bound as a reader sees it.
-    bound: &'static str,
-    /// Whether a figure meets it.
-    is_met: fn(f64) -> bool,
-    /// Returns the figure with assets of a form, or of a scene without any.
-    figure: fn(&Value, Option<&str>) -> Option<f64>,
-    /// Whether there are figures for each form.
-    of_forms: bool,
-}
-
-const GOALS: [Goal; 5] = [
-    Goal {
-        what: "Cornell box, 512 x 512, one light, all components: frames a second",
-        bound: "at least 3,000",
-        is_met: |per_s| per_s >= 3000.0,
-        figure: |results, form| {
-            let row = frame(results, "cornell", |row| is_of_box(row, form) && has_all(results, row))?;
-            // Frames that wait for one another also measure the way to the GPU and back.
-            Some(1e3 / row["unwaited_ms"].as_f64().or(row["frame_ms"].as_f64())?)
-        },
-        of_forms: true,
-    },
-    Goal {
-        what: "the same filling 1920 x 1080, 8 components: ms",
-        bound: "at most 1",
-        is_met: |ms| ms <= 1.0,
-        figure: |results, form| full_hd_ms(results, form, |row| row["components"] == 8),
-        of_forms: true,
-    },
-    Goal {
-        what: "the same filling 1920 x 1080, all components: ms",
-        bound: "at most 3",
-        is_met: |ms| ms <= 3.0,
-        figure: |results, form| full_hd_ms(results, form, |row| has_all(results, row)),
-        of_forms: true,
-    },
-    Goal {
-        what: "Cornell box, 512 x 512, time with 16 lights over one: times",
-        bound: "at most 4",
-        is_met: |ratio| ratio <= 4.0,
-        figure: |results, form| {
-            let ms = |lights: u32| {
-                let row = frame(results, "lights", |row| is_of_box(row, form) && row["lights"] == lights);
-                row?["frame_ms"].as_f64()
-            };
-            Some(ms(16)? / ms(1)?)
-        },
-        of_forms: true,
-    },
-    Goal {
-        what: "8.6 million triangles, 1920 x 1080, sun, sky, one occlusion ray: ms",
-        bound: "at most 8",
-        is_met: |ms| ms <= 8.0,
-        figure: |results, _| frame(results, "canopy", |row| row["width"] == 1920)?["frame_ms"].as_f64(),
-        of_forms: false,
-    },
-];
-
-/// Returns whether results are of a whole run on a GPU, and not of a software driver or a quick run.
-pub fn is_of_a_gpu(results: &Value) -> bool {
-    let interface = adapter(results).and_then(|row| row["interface"].as_str());
-    results["quick"] == false && interface.is_some_and(|interface| !interface.ends_with("Cpu"))
-}
 
 /// Makes the page; `head` is the commit of the checkout, which is told where the program did not know its own.
 ///
@@ -101,56 +34,6 @@ pub fn page(results: &Value, head: Option<&str>) -> Result<String, String> {
         steps(results),
     ];
     Ok(sections.concat())
-}
-
-fn rows<'a>(results: &'a Value, step: &str) -> impl Iterator<Item = &'a Value> {
-    let steps = results["steps"].as_array().into_iter().flatten();
-    let step = steps.filter(move |found| found["name"] == *step).collect::<Vec<_>>();
-    step.into_iter().flat_map(|step| step["rows"].as_array().into_iter().flatten())
-}
-
-fn frame<'a>(results: &'a Value, step: &str, wanted: impl Fn(&Value) -> bool) -> Option<&'a Value> {
-    // The points with a variant leave something out.
-    rows(results, step).find(|row| row["kind"] == "frame" && row["variant"] == "" && wanted(row))
-}
-
-/// Returns whether a row has as many components as any of the run.
-fn has_all(results: &Value, row: &Value) -> bool {
-    let counts = ["cornell", "resolutions"].into_iter().flat_map(|step| rows(results, step));
-    row["components"].as_u64() == counts.filter_map(|row| row["components"].as_u64()).max()
-}
-
-/// Returns whether a row is of the box in 512 x 512 pixels, with assets of a form.
-fn is_of_box(row: &Value, form: Option<&str>) -> bool {
-    row["form"] == *form.unwrap_or("") && row["width"] == 512 && row["height"] == 512
-}
-
-fn full_hd_ms(results: &Value, form: Option<&str>, wanted: impl Fn(&Value) -> bool) -> Option<f64> {
-    let is_it = |row: &Value| row["form"] == *form.unwrap_or("") && row["width"] == 1920 && wanted(row);
-    frame(results, "resolutions", is_it)?["frame_ms"].as_f64()
-}
-
-fn adapter(results: &Value) -> Option<&Value> {
-    rows(results, "adapter").next()
-}
-
-fn text(value: &Value) -> &str {
-    value.as_str().unwrap_or("")
-}
-
-/// Returns a number in three digits or more, or a dash where there is none.
-fn number(value: &Value) -> String {
-    match value.as_f64() {
-        None => "-".into(),
-        Some(x) if x == 0.0 || x.abs() >= 100.0 => format!("{x:.0}"),
-        Some(x) if x.abs() >= 10.0 => format!("{x:.1}"),
-        Some(x) if x.abs() >= 1.0 => format!("{x:.2}"),
-        Some(x) => format!("{x:.3}"),
-    }
-}
-
-fn scaled(value: &Value, factor: f64) -> String {
-    number(&value.as_f64().map_or(Value::Null, |x| (x * factor).into()))
 }
 
 fn introduction(results: &Value, head: Option<&str>) -> String {
@@ -180,23 +63,6 @@ fn introduction(results: &Value, head: Option<&str>) -> String {
         text(&adapter["tracer"]),
         assets.join(", "),
     )
-}
-
-fn goals(results: &Value) -> String {
-    let mut table =
-        String::from("## Goals\n\nOf an H100.\n\n| | goal | expanded bases | packed bases |\n|---|---|---|---|\n");
-    for goal in &GOALS {
-        let told = |form: Option<&str>| match (goal.figure)(results, form) {
-            None => "not run".to_string(),
-            Some(x) => format!("{}, {}", number(&x.into()), if (goal.is_met)(x) { "met" } else { "not met" }),
-        };
-        let cells = match goal.of_forms {
-            true => FORMS.map(|form| told(Some(form))),
-            false => [told(None), "(no asset)".into()],
-        };
-        let _ = writeln!(table, "| {} | {} | {} | {} |", goal.what, goal.bound, cells[0], cells[1]);
-    }
-    table + "\n"
 }
 
 fn parity(results: &Value) -> String {
@@ -318,6 +184,7 @@ fn steps(results: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu_results::is_of_a_gpu;
     use serde_json::json;
 
     fn frame_row(form: &str, size: [u32; 2], lights: u32, components: u32, frame_ms: f64) -> Value {

@@ -2,7 +2,8 @@
 
 use crate::arguments::asks_for_help;
 use crate::failure::Failure;
-use crate::gpu_page::{is_of_a_gpu, page};
+use crate::gpu_page::page;
+use crate::gpu_results::is_of_a_gpu;
 use crate::shell::{answer_of, root};
 use std::path::{Path, PathBuf};
 use std::process::Command;
