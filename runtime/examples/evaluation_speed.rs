@@ -6,9 +6,9 @@
 //! lobes in every texel, all of them part of the value. The floor is a loop that only reads one number of each cache line that an evaluation needs, at
 //! places found before. All times are of one run.
 
+use btf_runtime::testing::evaluation_traffic;
 use btf_runtime::{
-    ASSET_LAYERS, Asset, DecodeOptions, HeightUse, LOBE_RESIDENT_WORDS, LobeRef, LobeRole, PackedGoal, Query, Resident,
-    block, evaluate, evaluate_many, serial,
+    Asset, DecodeOptions, HeightUse, LobeRef, LobeRole, PackedGoal, Query, Resident, evaluate, evaluate_many, serial,
 };
 use std::f32::consts::TAU;
 use std::hint::black_box;
@@ -21,9 +21,6 @@ const PASSES: usize = 20;
 const LOBES: usize = 8;
 /// Sizes of resident forms with packed bases, MB.
 const PACKED_MB: [u64; 3] = [15, 10, 5];
-/// Words before the clusters' places in packed bases, and of a place (docs/reference/format.md, "Packed bases").
-const PACKED_PLACES: usize = 4;
-const PLACE_WORDS: usize = 3;
 
 fn queries() -> Vec<Query> {
     // Powers of the root of x^7 = x + 1: even in all six dimensions, without a generator.
@@ -57,54 +54,6 @@ fn with_all_lobes(asset: &Asset) -> Asset {
     asset
 }
 
-/// Returns one word of each cache line in which the texel's data of `query` lie, in the first layer, and the number of
-/// bytes needed of those lines. Lobes that only guide are left out, as in the decoder.
-fn lines(asset: &Asset, resident: &Resident, query: &Query) -> (Vec<u32>, usize) {
-    let (words, layer) = (resident.words(), &asset.layers[0]);
-    let at = words[ASSET_LAYERS] as usize;
-    let field = |field: usize| words[at + field] as usize;
-    let texel = resident.texel(0, query.uv) as usize;
-    let record = field(block::RECORDS) + 2 * texel;
-    let cluster = (words[record] & 0xff) as usize;
-    let (refs, basis) = (field(block::REFS) + words[record + 1] as usize, field(block::BASIS));
-    let is_packed = resident.is_packed(0);
-    let mut parts = vec![(record, 2)];
-    let (mut first_row, mut row) = (0, 3 * field(block::CHANNEL_WORDS));
-    if is_packed {
-        let place = basis + PACKED_PLACES + PLACE_WORDS * cluster;
-        let (bases, codes) = (words[basis + 1] as usize, words[place + 2] as usize);
-        parts.extend([(place, PLACE_WORDS), (basis + words[basis + 2] as usize + cluster * bases, bases)]);
-        parts.push((refs - codes, codes));
-        (first_row, row) = (words[place] as usize, words[place + 1] as usize);
-    } else {
-        parts.push((field(block::CODES) + texel * field(block::CODE_WORDS), field(block::CODE_WORDS)));
-        first_row += cluster * field(block::PAIRS) * row;
-    }
-    if layer.lobe_role != LobeRole::Guide {
-        let count = (words[record] >> 16) as usize;
-        parts.push((refs, count));
-        let dictionary = words[field(block::DICTIONARIES) + cluster] as usize;
-        let lobe = |reference: &u32| dictionary + (reference & 0xff) as usize * LOBE_RESIDENT_WORDS;
-        parts.extend(words[refs..refs + count].iter().map(|reference| (lobe(reference), 12)));
-    }
-    let (views, lights) = (layer.views.locate(query.wo), layer.lights.locate(query.wi));
-    for (view, _) in views.ids.iter().zip(views.weights).filter(|(_, weight)| *weight > 0.0) {
-        for (light, _) in lights.ids.iter().zip(lights.weights).filter(|(_, weight)| *weight > 0.0) {
-            let pair = *view as usize * field(block::LIGHT_COUNT) + *light as usize;
-            parts.push((basis + first_row + pair * row, row));
-        }
-    }
-    let needed = parts.iter().map(|(_, count)| 4 * count).sum();
-    let mut lines: Vec<u32> = parts
-        .iter()
-        .flat_map(|(first, count)| first / 16..(first + count).div_ceil(16))
-        .map(|line| 16 * line as u32)
-        .collect();
-    lines.sort_unstable();
-    lines.dedup();
-    (lines, needed)
-}
-
 /// Returns the nanoseconds that `work` takes for a query: the least of each slice of queries, so that other work of the
 /// machine seldom counts.
 fn least_ns(mut work: impl FnMut(Range<usize>)) -> f64 {
@@ -124,9 +73,9 @@ fn time(name: &str, asset: &Asset, resident: &Resident, queries: &[Query], heigh
     let words = resident.words();
     let (mut needed, mut ends, mut places) = (0, Vec::new(), Vec::new());
     for query in queries {
-        let (lines, bytes) = lines(asset, resident, query);
-        needed += bytes;
-        places.extend(lines);
+        let traffic = evaluation_traffic(&asset.layers[0], resident, query, u32::MAX);
+        needed += traffic.bytes;
+        places.extend(traffic.lines);
         ends.push(places.len());
     }
     let floor = least_ns(|slice| {

@@ -68,6 +68,9 @@ pub enum ViewerError {
         /// Message of the driver or of the limit check.
         reason: String,
     },
+    /// Some steps of the measurement of a GPU failed. Remedy: see their sentences in its results.
+    #[error("{0}")]
+    Steps(String),
     /// A leaf's description or textures cannot be read.
     #[error(transparent)]
     Model(#[from] btf_models::ModelError),

@@ -39,6 +39,11 @@ mod window;
 mod window_params;
 
 pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
+pub use bench::gpu::params::GpuBenchParams;
+pub use bench::gpu::results::{GPU_RESULTS_FILE, GpuResults, StepRecord};
+pub use bench::gpu::runner::{GpuBenchRun, run_gpu_bench};
+pub use bench::gpu::stand_in::write_stand_in_asset;
+pub use bench::gpu::step::run_gpu_step;
 pub use bench::leaf_modes::LeafModeRow;
 pub use bench::plot::bench_svg;
 pub use cpu::picture::CpuPicture;
@@ -88,6 +93,7 @@ pub use window_params::WindowParams;
 /// Ways into single parts of the renderers, for tests and measurements; no part of the interface.
 #[doc(hidden)]
 pub mod testing {
+    pub use crate::bench::gpu::parity::{ABSOLUTE, RELATIVE, count_differences, random_queries};
     pub use crate::gpu::decode_queries::{DecodeQuery, gpu_decode};
     pub use crate::gpu::expand_queries::{gpu_expand, time_gpu_expand, time_upload};
     pub use crate::gpu::walk_queries::{WalkQuery, WalkSum, cpu_walk, gpu_walk};

@@ -14,12 +14,15 @@ mod arguments;
 mod checks;
 mod chores;
 mod failure;
+mod gpu_goals;
+mod gpu_page;
+mod gpu_results;
 mod metadata;
 mod shell;
 mod suite;
 mod tools;
 
-use chores::{bench, book, check, demo, fuzz, header, python, setup, shaders, volumes};
+use chores::{bench, book, check, demo, fuzz, gpu_report, header, python, setup, shaders, volumes};
 use failure::Failure;
 use std::process::ExitCode;
 
@@ -33,6 +36,8 @@ Chores:
   bench   time reading, clustering, fitting and decoding (criterion)
   book    make a site of the documents, target/book
   fuzz    fuzz the packed formats and the readers of models and captures with libFuzzer
+  gpu-report
+          write what `btf-view bench gpu` measured as a page of the documents
   python  build, install and test the Python module
   header  write the C header from the sources of the C interface
   shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V
@@ -67,6 +72,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "bench" => bench::run(rest),
         "book" => book::run(rest),
         "fuzz" => fuzz::run(rest),
+        "gpu-report" => gpu_report::run(rest),
         "python" => python::run(rest),
         "header" => header::run(rest),
         "setup" => setup::run(rest),
@@ -94,9 +100,20 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in
-            ["demo", "test", "check", "bench", "book", "fuzz", "python", "header", "shaders", "volumes", "setup"]
-        {
+        for chore in [
+            "demo",
+            "test",
+            "check",
+            "bench",
+            "book",
+            "fuzz",
+            "gpu-report",
+            "python",
+            "header",
+            "shaders",
+            "volumes",
+            "setup",
+        ] {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -111,6 +128,8 @@ mod tests {
         assert_eq!(exit_code_of(&["book", "now"]), 2);
         assert_eq!(exit_code_of(&["fuzz", "now"]), 2);
         assert_eq!(exit_code_of(&["fuzz", "--runs", "many"]), 2);
+        assert_eq!(exit_code_of(&["gpu-report"]), 2);
+        assert_eq!(exit_code_of(&["gpu-report", "a", "b"]), 2);
         assert_eq!(exit_code_of(&["python", "now"]), 2);
         assert_eq!(exit_code_of(&["header", "now"]), 2);
         assert_eq!(exit_code_of(&["setup", "now"]), 2);
@@ -120,9 +139,20 @@ mod tests {
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in
-            ["demo", "test", "check", "bench", "book", "fuzz", "python", "header", "shaders", "volumes", "setup"]
-        {
+        for chore in [
+            "demo",
+            "test",
+            "check",
+            "bench",
+            "book",
+            "fuzz",
+            "gpu-report",
+            "python",
+            "header",
+            "shaders",
+            "volumes",
+            "setup",
+        ] {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

@@ -30,7 +30,7 @@ pub fn random_lobe(random: &mut Random, family: LobeFamily) -> Lobe {
     Lobe { family, normal_xy: [x, y], tangent_rad: random.within(-3.2, 3.2), params }.rounded()
 }
 
-fn halves(random: &mut Random, count: usize, amplitude: f32) -> Vec<f16> {
+pub(super) fn halves(random: &mut Random, count: usize, amplitude: f32) -> Vec<f16> {
     (0..count).map(|_| f16::from_f32(random.within(-amplitude, amplitude))).collect()
 }
 

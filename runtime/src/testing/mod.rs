@@ -2,8 +2,10 @@
 //! interface.
 
 mod assets;
+mod dense_asset;
 mod file_parts;
 mod random;
+mod traffic;
 mod volumes;
 
 pub use crate::asset::residual::core_at_pair;
@@ -13,8 +15,10 @@ pub use assets::{
     first_ref, huge_asset, random_lobe, sample_asset, sample_grouped_asset, sample_heights, sample_predicted_asset,
     sample_relief_asset,
 };
+pub use dense_asset::dense_asset;
 pub use file_parts::{FileParts, SectionPart, repair_header_checksum};
 pub use random::{Random, direction_from_degrees, ring_directions, sphere_direction};
+pub use traffic::{EvaluationTraffic, evaluation_traffic};
 pub use volumes::{RAY_KINDS, random_volume, sample_ray, sample_volume};
 
 #[cfg(test)]

@@ -9,24 +9,14 @@ pub use crate::bench::report::{BenchReport, BenchRow};
 use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::frame::FrameRequest;
-use crate::gpu::timer::{GpuTimer, PassTimes};
 use crate::gpu::tracer::Tracer;
 use crate::options::{RenderMode, ShadeOptions};
-use crate::picture::PixelHit;
 use crate::picture::psnr_db;
 use crate::render::control::Control;
 use crate::render::engine::Engine;
 use crate::scene::asset::SceneAsset;
 use btf_runtime::{DecodeOptions, Interpolation};
 use std::sync::Arc;
-use std::time::Instant;
-
-/// Frames of a row at least.
-const MIN_FRAMES: usize = 3;
-/// Frames of a row at most.
-const MAX_FRAMES: usize = 60;
-/// Milliseconds of frames after which a row ends.
-const ROW_MS: f64 = 1000.0;
 
 /// Samples of a picture whose error `trade` tells.
 pub const TRADE_SAMPLES: u32 = 16;
@@ -81,7 +71,7 @@ pub fn run_bench(
 
 impl Engine {
     /// Computes the mean radiance of some samples.
-    fn picture(
+    pub(super) fn picture(
         &self,
         point: &Point,
         samples: std::ops::Range<u32>,
@@ -123,42 +113,6 @@ impl Engine {
         let reference = Point { scene: point.scene.clone(), shade, ..*point };
         self.picture(&reference, TRADE_SAMPLES..TRADE_SAMPLES + REFERENCE_SAMPLES, control)
     }
-
-    fn time(&self, point: &Point) -> Result<BenchRow, ViewerError> {
-        let mut times: Vec<(f64, Option<PassTimes>)> = Vec::new();
-        let enough = |times: &[(f64, Option<PassTimes>)]| {
-            let spent: f64 = times.iter().map(|(ms, _)| ms).sum();
-            times.len() >= MAX_FRAMES || (times.len() >= MIN_FRAMES && spent >= ROW_MS)
-        };
-        let hits = match self {
-            Engine::Cpu => {
-                let mut picture = CpuPicture::new(point.size);
-                while !enough(&times) {
-                    let start = Instant::now();
-                    picture.samples = point.sample(times.len());
-                    picture.add_sample(&point.scene, &point.shade, &|| true);
-                    times.push((start.elapsed().as_secs_f64() * 1e3, None));
-                }
-                picture.hits
-            }
-            Engine::Gpu(gpu, kind) => {
-                let mut tracer = Tracer::with_decoder(gpu, &point.scene, *kind, point.decoder)?;
-                let mut timer = GpuTimer::new(gpu);
-                tracer.warm_up(&point.frame())?;
-                // One whole frame more, for caches and clocks.
-                tracer.sample(&point.frame(), None)?;
-                gpu.wait()?;
-                while !enough(&times) {
-                    let sample = point.sample(times.len());
-                    times.push(tracer.timed_sample(&FrameRequest { sample, ..point.frame() }, timer.as_mut())?);
-                }
-                tracer.read_hits()?
-            }
-        };
-        times.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (frame_ms, passes) = times[times.len() / 2];
-        Ok(row(point, frame_ms, passes, times.len(), &hits))
-    }
 }
 
 /// Marks the rows that no other is at least as fast as and better than.
@@ -170,38 +124,10 @@ fn mark_front(rows: &mut [BenchRow]) {
     }
 }
 
-fn row(point: &Point, frame_ms: f64, passes: Option<PassTimes>, frames: usize, hits: &[PixelHit]) -> BenchRow {
-    let scene = &point.scene;
-    let shows_asset = |hit: &&PixelHit| {
-        let triangle = scene.geometry.triangles().get(hit.primitive as usize);
-        triangle.is_some_and(|triangle| scene.materials[triangle.material as usize].asset().is_some())
-    };
-    let all = scene.most_components();
-    BenchRow {
-        mesh: point.mesh,
-        variant: point.variant,
-        interpolation: point.shade.decode.interpolation.name(),
-        psnr_db: None,
-        front: false,
-        frame_ms,
-        passes,
-        frames,
-        lights: scene.lights.len(),
-        materials: scene.assets.len(),
-        coverage: hits.iter().filter(shows_asset).count() as f64 / hits.len() as f64,
-        width: point.size[0],
-        height: point.size[1],
-        components: point.shade.decode.components.min(all),
-        spmm_evaluations: hits.iter().map(|hit| u64::from(hit.evaluations)).sum(),
-        rays: hits.iter().map(|hit| u64::from(hit.rays)).sum(),
-        triangles: scene.geometry.placed_triangles(),
-        instances: scene.geometry.instances().len(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bench::timing::MIN_FRAMES;
     use crate::gpu::backend::BackendChoice;
 
     fn rows(kind: BenchKind) -> Vec<BenchRow> {

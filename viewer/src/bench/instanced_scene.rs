@@ -1,12 +1,14 @@
 //! A model's meshes in the open, as many as asked for: what drawing is measured by.
 
 use crate::error::ViewerError;
+use crate::scene::builtin;
 use crate::scene::camera::Camera;
 use crate::scene::gltf_asset::own_bodies;
-use crate::scene::material::{Material, Shown};
+use crate::scene::material::{Body, Material, Shown};
 use crate::scene::mesh::MeshPart;
 use crate::scene::mesh_file::{FileMesh, load_meshes};
 use crate::scene::scene::{Scene, SceneMesh};
+use btf_models::DiffuseColour;
 use glam::{Mat4, Vec3};
 use std::path::Path;
 
@@ -14,6 +16,16 @@ use std::path::Path;
 const FIELD_OF_VIEW_DEG: f32 = 40.0;
 /// The camera looks down by this share of the way to the ground.
 const LOOK_DOWN: f32 = 0.55;
+/// Plants along a side of the field of plants that is repeated.
+const FIELD_SIDE: usize = 4;
+/// Distance between the rows of plants, and between plants in a row, metres: those of maize.
+const ROW_SPACING_M: f32 = 0.75;
+const PLANT_SPACING_M: f32 = 0.2;
+/// Turn from a plant to the next, radians.
+const PLANT_TURN_RAD: f32 = 2.1;
+/// Linear sRGB reflectance and transmittance of a green leaf, about.
+const LEAF_REFLECTANCE: [f32; 3] = [0.05, 0.11, 0.03];
+const LEAF_TRANSMITTANCE: [f32; 3] = [0.04, 0.1, 0.02];
 
 /// Makes a scene of the meshes of the file at `path` with what its materials show, the file's whole world repeated side
 /// by side, of which those placements nearest to the middle are kept that have about `triangles` triangles together (at
@@ -22,9 +34,37 @@ const LOOK_DOWN: f32 = 0.55;
 /// # Errors
 /// The errors of [`load_meshes`] and [`Scene::from_meshes`].
 pub fn instanced_scene(path: &Path, triangles: u64) -> Result<Scene, ViewerError> {
-    let meshes = load_meshes(path)?;
     let mut shown = Shown::default();
     let bodies = shown.append(own_bodies(path)?);
+    let material = |part: &MeshPart| Material::of_part(part, bodies.get(&part.group).copied(), [1.0; 2]);
+    repeated(path, load_meshes(path)?, shown, &material, triangles)
+}
+
+/// Makes such a scene of the plant that comes with the viewer, diffuse sheets in the colours of a green leaf.
+///
+/// # Errors
+/// The errors of [`Scene::from_meshes`].
+pub fn instanced_plants(triangles: u64) -> Result<Scene, ViewerError> {
+    let place = |number: usize| {
+        let [column, row] = [number % FIELD_SIDE, number / FIELD_SIDE].map(|x| x as f32);
+        let at = Vec3::new(ROW_SPACING_M * column, 0.0, PLANT_SPACING_M * row);
+        Mat4::from_translation(at) * Mat4::from_rotation_y(PLANT_TURN_RAD * number as f32)
+    };
+    let places = (0..FIELD_SIDE * FIELD_SIDE).map(place).collect();
+    let field = FileMesh { parts: builtin::plant(), places };
+    let green = DiffuseColour { reflectance: LEAF_REFLECTANCE, transmittance: LEAF_TRANSMITTANCE };
+    let material = |_: &MeshPart| Material::new(Body::Plain(green), [1.0; 2]);
+    repeated(Path::new("plant"), vec![field], Shown::default(), &material, triangles)
+}
+
+/// Repeats the world of `meshes` as [`instanced_scene`] says.
+fn repeated(
+    origin: &Path,
+    meshes: Vec<FileMesh>,
+    shown: Shown,
+    material: &dyn Fn(&MeshPart) -> Material,
+    triangles: u64,
+) -> Result<Scene, ViewerError> {
     let counts: Vec<u64> =
         meshes.iter().map(|mesh| mesh.parts.iter().map(|part| part.triangles.len() as u64).sum()).collect();
     let once: u64 = meshes.iter().zip(&counts).map(|(mesh, count)| mesh.places.len() as u64 * count).sum();
@@ -49,12 +89,11 @@ pub fn instanced_scene(path: &Path, triangles: u64) -> Result<Scene, ViewerError
         sum += counts[all[kept].0];
         kept += 1;
     }
-    let material = |part: &MeshPart| Material::of_part(part, bodies.get(&part.group).copied(), [1.0; 2]);
     let of_mesh = |(number, mesh): (usize, FileMesh)| {
         let places = all[..kept].iter().filter(|(mesh, _)| *mesh == number).map(|(_, place)| *place).collect();
         SceneMesh::of_file(FileMesh { places, ..mesh }, material)
     };
-    let mut scene = Scene::from_meshes(path, meshes.into_iter().enumerate().map(of_mesh).collect(), shown)?;
+    let mut scene = Scene::from_meshes(origin, meshes.into_iter().enumerate().map(of_mesh).collect(), shown)?;
     let (centre, radius) = scene.geometry.bounding_sphere();
     scene.camera = Camera::framing(centre, 0.7 * radius, Vec3::new(0.0, LOOK_DOWN, 1.0), FIELD_OF_VIEW_DEG);
     Ok(scene)
@@ -85,6 +124,14 @@ fn extent(meshes: &[FileMesh]) -> [f32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn plants_are_repeated_as_files_are() {
+        let scene = instanced_plants(1_000_000).unwrap();
+        let has = scene.geometry.placed_triangles();
+        assert!((1_000_000..1_010_000).contains(&has), "{has}");
+        assert!(scene.geometry.instances().len() > 300 && scene.assets.is_empty());
+    }
 
     #[test]
     fn has_as_many_triangles_as_asked_for_and_no_two_in_one_place() {

@@ -102,6 +102,8 @@ mod tests {
             frame_ms: 2.0 * lights as f64,
             passes: None,
             frames: 3,
+            unwaited_ms: None,
+            bands: 1,
             lights,
             materials: 1,
             coverage: 0.5,

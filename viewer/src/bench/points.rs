@@ -14,7 +14,7 @@ use glam::Vec3;
 use std::sync::Arc;
 
 /// Triangles of the canopy that [Miao] draws at 31 frames a second.
-const PAPER_TRIANGLES: u64 = 8_605_600;
+pub(super) const PAPER_TRIANGLES: u64 = 8_605_600;
 
 /// The built-in meshes that benches show.
 const MESHES: [(&str, MeshChoice); 4] = [
@@ -215,14 +215,8 @@ impl Bench<'_> {
     /// Makes points of lawn, grove and forest, each from afar, nearer and from close by.
     fn landscapes(&self) -> Result<Vec<Point>, ViewerError> {
         let mut points = Vec::new();
-        let cameras = ["from afar", "nearer", "from close by"];
-        for landscape in [Landscape::Lawn, Landscape::Grove, Landscape::Forest] {
-            let (scene, _) = landscape.scene(&LandscapeParams::default())?;
-            let seen = std::iter::once(scene.camera).chain(scene.more_cameras.iter().copied());
-            for (variant, camera) in cameras.into_iter().zip(seen) {
-                let scene = Scene { camera, ..scene.clone() };
-                points.push(Point { variant, moves: true, ..self.point(landscape.name(), scene) });
-            }
+        for (variant, name, scene) in landscape_points()? {
+            points.push(Point { variant, moves: true, ..self.point(name, scene) });
         }
         Ok(points)
     }
@@ -258,8 +252,25 @@ fn built_in(mesh: &MeshChoice, assets: &[Arc<SceneAsset>]) -> Result<Scene, View
     Scene::built_in(mesh, assets.to_vec(), [1.0; 2])
 }
 
+/// Returns lawn, grove and forest, each from afar, nearer and from close by: from where, name and scene.
+///
+/// # Errors
+/// The errors of [`Landscape::scene`].
+pub(super) fn landscape_points() -> Result<Vec<(&'static str, &'static str, Scene)>, ViewerError> {
+    let mut points = Vec::new();
+    let cameras = ["from afar", "nearer", "from close by"];
+    for landscape in [Landscape::Lawn, Landscape::Grove, Landscape::Forest] {
+        let (scene, _) = landscape.scene(&LandscapeParams::default())?;
+        let seen = std::iter::once(scene.camera).chain(scene.more_cameras.iter().copied());
+        for (variant, camera) in cameras.into_iter().zip(seen) {
+            points.push((variant, landscape.name(), Scene { camera, ..scene.clone() }));
+        }
+    }
+    Ok(points)
+}
+
 /// Puts a scene under sun and sky.
-fn outdoors(mut scene: Scene) -> Result<Scene, ViewerError> {
+pub(super) fn outdoors(mut scene: Scene) -> Result<Scene, ViewerError> {
     let daylight = Daylight::new("2026-06-21T10:00+00:00", "40.0,0.0")?;
     let light = daylight.sun_and_sky()?;
     scene.stand_outdoors(Outdoors { daylight, parts: DaylightParts::Both }, light);
@@ -267,7 +278,7 @@ fn outdoors(mut scene: Scene) -> Result<Scene, ViewerError> {
 }
 
 /// Lights surfaces by the sky's irradiance of their normal and one ray for what occludes it.
-fn by_normal(shade: ShadeOptions) -> ShadeOptions {
+pub(super) fn by_normal(shade: ShadeOptions) -> ShadeOptions {
     ShadeOptions { sky: SkyLight::Irradiance, ..shade }
 }
 

@@ -26,6 +26,11 @@ pub struct BenchRow {
     pub passes: Option<PassTimes>,
     /// Frames that were timed.
     pub frames: usize,
+    /// Mean time of frames that are submitted without waiting for one another, milliseconds; where a frame of a GPU takes
+    /// less than 30 ms.
+    pub unwaited_ms: Option<f64>,
+    /// Bands of rows in which the picture was drawn: more than its memory asks for where a pass would take seconds.
+    pub bands: usize,
     /// Point lights.
     pub lights: usize,
     /// Assets.

@@ -1,6 +1,7 @@
 //! `btf-view bench`: measures how the time of a frame grows.
 
 use super::assets::load_assets;
+use super::gpu_bench::{self, GpuBenchArguments};
 use super::parse::parse_size;
 use super::progress::with_progress;
 use super::render_arguments::RenderArguments;
@@ -10,10 +11,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 #[derive(clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct BenchArguments {
+    #[command(subcommand)]
+    pub(super) whole: Option<WholeBench>,
     /// What is varied
-    #[arg(value_enum)]
-    pub(super) kind: BenchKind,
+    #[arg(value_enum, required = true)]
+    pub(super) kind: Option<BenchKind>,
     /// Packed assets [default: a small one that comes with the program]
     pub(super) assets: Vec<PathBuf>,
     /// Model that `triangles` places ever more often, and `resolution` if it is given: an .obj, .gltf or .glb file
@@ -32,11 +36,23 @@ pub(super) struct BenchArguments {
     pub(super) plot: Option<PathBuf>,
 }
 
+#[derive(clap::Subcommand)]
+pub(super) enum WholeBench {
+    /// Measures a GPU by everything in one run, and compares it with the CPU
+    #[command(after_help = "Example: btf-view bench gpu cloth.spmm --mesh canopy.glb -o gpu-run")]
+    Gpu(GpuBenchArguments),
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// The errors of [`run_bench`] and of writing files.
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), ViewerError> {
+    let kind = match (&arguments.whole, arguments.kind) {
+        (Some(WholeBench::Gpu(gpu)), _) => return gpu_bench::run(gpu),
+        (None, Some(kind)) => kind,
+        (None, None) => return Err(ViewerError::Usage("say what is varied, as in `bench lights`".into())),
+    };
     let render = &arguments.render;
     let mut assets = load_assets(&arguments.assets)?;
     if assets.is_empty() {
@@ -44,7 +60,7 @@ pub(super) fn run(arguments: &BenchArguments) -> Result<(), ViewerError> {
     }
     render.pack(&mut assets)?;
     let params = BenchParams {
-        kind: arguments.kind,
+        kind,
         mesh: arguments.mesh.clone(),
         size: arguments.size,
         backend: render.backend(),

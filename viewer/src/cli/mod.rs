@@ -2,6 +2,7 @@
 
 mod assets;
 mod bench;
+mod gpu_bench;
 mod headless;
 mod landscape;
 mod parse;

@@ -1,6 +1,6 @@
 //! What a frame asks for, and the buffers that a frame reads and writes as shaders see them.
 
-use crate::options::{Filter, ShadeOptions};
+use crate::options::ShadeOptions;
 use crate::picture::PixelHit;
 use crate::scene::camera::jitter;
 use crate::scene::material::{Body, Material};

@@ -30,6 +30,8 @@ pub(super) const VOLUMES_ON_PATHS: &str = include_str!("../cpu/volumes.wgsl");
 pub(super) const NO_VOLUMES: &str = include_str!("../shaders/no_volumes.wgsl");
 pub(super) const WALK_QUERIES: &str = include_str!("../shaders/walk_queries.wgsl");
 pub(super) const DECODE_QUERIES: &str = include_str!("../shaders/decode_queries.wgsl");
+/// Measures what the adapter can do at most.
+pub(crate) const ROOFLINE: &str = include_str!("../shaders/roofline.wgsl");
 /// Shows a picture in a window.
 pub(crate) const BLIT: &str = include_str!("../window/blit.wgsl");
 

@@ -7,7 +7,7 @@ use crate::gpu::layout::bind;
 use wgpu::BufferUsages;
 
 /// Pixels of a band at most: the paths of a band then take 270 MB.
-const MAX_BAND_PIXELS: u64 = 1 << 22;
+pub(crate) const MAX_BAND_PIXELS: u64 = 1 << 22;
 
 /// Buffers of one picture size.
 pub(crate) struct Target {
@@ -25,18 +25,19 @@ pub(crate) struct Band {
 }
 
 impl Target {
-    /// Allocates the bands of a picture; `shared` are the resources of bind group 0 that all bands have in common.
+    /// Allocates the bands of a picture, of at most `max_band_pixels` each (or a row); `shared` are the resources of bind group 0 that all bands have in common.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the driver has no memory for them.
     pub(crate) fn new(
         gpu: &Gpu,
         size: [u32; 2],
+        max_band_pixels: u64,
         layout: &wgpu::BindGroupLayout,
         shared: &[(u32, wgpu::BindingResource)],
     ) -> Result<Target, ViewerError> {
         let [width, height] = size;
-        let max_pixels = (gpu.max_binding_bytes() / size_of::<GpuPath>() as u64).min(MAX_BAND_PIXELS);
+        let max_pixels = (gpu.max_binding_bytes() / size_of::<GpuPath>() as u64).min(max_band_pixels);
         let band_rows = ((max_pixels / u64::from(width)) as u32).clamp(1, height);
         let band_pixels = u64::from(width) * u64::from(band_rows);
         let bytes = size_of::<GpuPath>() as u64 * band_pixels;

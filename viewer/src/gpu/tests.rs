@@ -11,8 +11,9 @@ use crate::gpu::backend::GpuTracer;
 use crate::gpu::decode_queries::{GpuQuery, GpuQueryParams};
 use crate::gpu::frame::{GpuFrame, GpuLight, GpuMaterial, GpuPath, GpuPixel, MAX_MATERIALS, NO_ASSET};
 use crate::gpu::modules::{
-    BLIT, DIRECT_LIGHT, INTEGRATOR, LOD_TRANSITION, ModuleLayout, PATH, RELIEF, SAMPLER, SCATTER, SHADER, SHEAR,
-    SKIN_CELL, SKIN_PATTERN, SKIN_WALK, SUN_DISC, VOLUME_LIGHT, VOLUMES, VOLUMES_ON_PATHS, trace_module, walk_module,
+    BLIT, DIRECT_LIGHT, INTEGRATOR, LOD_TRANSITION, ModuleLayout, PATH, RELIEF, ROOFLINE, SAMPLER, SCATTER, SHADER,
+    SHEAR, SKIN_CELL, SKIN_PATTERN, SKIN_WALK, SUN_DISC, VOLUME_LIGHT, VOLUMES, VOLUMES_ON_PATHS, trace_module,
+    walk_module,
 };
 use crate::gpu::pieces::PieceLayout;
 use crate::gpu::walk_queries::{GpuWalkPlace, WalkQuery, WalkSum};
@@ -78,6 +79,7 @@ fn every_module_is_valid_with_exactly_the_capabilities_that_we_ask_for() {
     validate(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE), PORTABLE).unwrap();
     validate(&trace_module(GpuTracer::Bvh, CUT), PORTABLE).unwrap();
     validate(BLIT, Capabilities::empty()).unwrap();
+    validate(ROOFLINE, Capabilities::empty()).unwrap();
     // The skin's functions are core WGSL.
     validate(&walk_module(PieceLayout::WHOLE), Capabilities::empty()).unwrap();
     let ray_query = trace_module(GpuTracer::RayQuery, ModuleLayout::WHOLE);

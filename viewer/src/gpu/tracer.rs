@@ -11,7 +11,7 @@ use crate::gpu::preparation::Preparation;
 use crate::gpu::scene_change::{SceneChange, Updated};
 use crate::gpu::scene_words::SceneWords;
 use crate::gpu::structure::Structure;
-use crate::gpu::target::{Band, Target};
+use crate::gpu::target::{Band, MAX_BAND_PIXELS, Target};
 use crate::gpu::timer::{GpuTimer, PASSES, Pass, PassTimes};
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::picture::PixelHit;
@@ -21,6 +21,10 @@ use wgpu::BufferUsages;
 
 /// Pixels per side of a workgroup. Twin: `@workgroup_size` in `passes.wgsl`.
 const GROUP: u32 = 8;
+/// The factor by which the sides of the picture shrink that [`Tracer::limit_bands`] judges by.
+const PROBE_SHRINK: u32 = 8;
+/// Bands of a picture that [`Tracer::limit_bands`] makes at most: as many as a set of timestamps has room for.
+const MAX_BANDS: u64 = 64;
 
 /// A scene on a GPU.
 pub struct Tracer {
@@ -42,6 +46,8 @@ pub struct Tracer {
     /// [`Geometry::widest_leaf`](crate::Geometry::widest_leaf).
     widest_leaf: f32,
     target: Option<Target>,
+    /// Pixels of a band at most.
+    max_band_pixels: u64,
 }
 
 /// Returns the passes of a sample, in order.
@@ -126,6 +132,7 @@ impl Tracer {
             structure,
             widest_leaf: scene.geometry.widest_leaf(),
             target: None,
+            max_band_pixels: MAX_BAND_PIXELS,
         })
     }
 
@@ -244,6 +251,30 @@ impl Tracer {
         passes.iter().all(|pass| self.pipelines[*pass as usize].is_some())
     }
 
+    /// Cuts pictures like the requested one into bands whose passes take about `band_ms` at most together, as far as a
+    /// small picture of the same tells, so that no system takes the device for hung. Returns the pixels that a band then has at
+    /// most. Cost: two small pictures.
+    ///
+    /// # Errors
+    /// As [`Tracer::sample`].
+    pub fn limit_bands(&mut self, request: &FrameRequest, band_ms: f64) -> Result<u64, ViewerError> {
+        let size = request.size.map(|side| side.div_ceil(PROBE_SHRINK));
+        let small = FrameRequest { size, sample: 0, ..*request };
+        let mut seconds = 0.0;
+        // The first is for buffers and caches.
+        for _ in 0..2 {
+            let start = Instant::now();
+            self.sample(&small, None)?;
+            self.gpu.wait()?;
+            seconds = start.elapsed().as_secs_f64();
+        }
+        let pixels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
+        let most = (band_ms * 1e-3 / seconds.max(1e-9) * pixels(size) as f64) as u64;
+        self.max_band_pixels = most.max(pixels(request.size).div_ceil(MAX_BANDS)).min(MAX_BAND_PIXELS);
+        self.target = None;
+        Ok(self.max_band_pixels)
+    }
+
     /// Makes what is missing: pipelines, room for lights, the buffers of the picture.
     fn prepare(&mut self, request: &FrameRequest, passes: &[Pass]) -> Result<(), ViewerError> {
         for pass in passes {
@@ -267,7 +298,7 @@ impl Tracer {
             (4, self.lights.as_entire_binding()),
         ];
         shared.extend(self.words.pieces().entries(&ASSETS));
-        self.target = Some(Target::new(&self.gpu, request.size, &self.scene_layout, &shared)?);
+        self.target = Some(Target::new(&self.gpu, request.size, self.max_band_pixels, &self.scene_layout, &shared)?);
         self.gpu.check()
     }
 

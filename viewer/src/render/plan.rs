@@ -438,10 +438,10 @@ mod tests {
         // Most of the picture shows the first plane, its right rim the second one.
         scene.camera = Camera { eye: Vec3::new(-0.7, 0.0, 2.0), target: Vec3::X * -0.7, up: Vec3::Y, fov_deg: 50.0 };
         let params = RenderParams { size: [24, 24], ..params() };
-        let plan = |bytes| super::plan(&scene, &params, 20.0, bytes, &Control::SILENT);
+        let planned = |bytes| plan(&scene, &params, 20.0, bytes, &Control::SILENT);
         let whole: usize = scene.assets.iter().map(|asset| 4 * asset.head().words().len()).sum();
         let budget = whole as u64 / 8;
-        let tight = plan(Some(budget)).unwrap();
+        let tight = planned(Some(budget)).unwrap();
         assert!(tight.resident_bytes[0] == whole && tight.resident_bytes[1] as u64 <= budget);
         let [first, second] = [&tight.assets[0], &tight.assets[1]];
         assert!(first.pixels > 2 * second.pixels && second.pixels > 0, "{} {}", first.pixels, second.pixels);
@@ -450,7 +450,7 @@ mod tests {
         // The files are what was drawn.
         let held = SceneAsset::from_bytes("held", first.packed.clone()).unwrap();
         assert!(held.file.is_none() && 4 * held.head().words().len() == near);
-        assert!(plan(Some(1000)).err().is_some_and(|error| error.to_string().contains("--memory-budget")));
+        assert!(planned(Some(1000)).err().is_some_and(|error| error.to_string().contains("--memory-budget")));
     }
 
     #[test]

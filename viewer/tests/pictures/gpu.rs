@@ -7,10 +7,10 @@ use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, HeightUse, Heights, Interpolation, LobeRole, PackedGoal, Resident, ResidualKind,
     decode, pack, serial, with_levels,
 };
-use btf_viewer::testing::{DecodeQuery, gpu_decode};
+use btf_viewer::testing::{DecodeQuery, gpu_decode, random_queries};
 use btf_viewer::{
-    BackendChoice, Camera, Control, Environment, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode, RenderParams,
-    Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, render,
+    BackendChoice, Camera, Control, Environment, FrameRequest, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
+    RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, Tracer, render,
 };
 use std::sync::Arc;
 
@@ -20,38 +20,6 @@ const TRACERS: [GpuTracer; 2] = [GpuTracer::RayQuery, GpuTracer::Bvh];
 fn asset(seed: u64, kind: ResidualKind) -> Asset {
     // Through the file form, as a user's asset goes.
     Asset::parse(&pack(&sample_asset(seed, 24, 16, kind)).unwrap()).unwrap()
-}
-
-fn unit(mut v: [f32; 3]) -> [f32; 3] {
-    let length = v.iter().map(|x| x * x).sum::<f32>().sqrt();
-    v.iter_mut().for_each(|x| *x /= length);
-    v
-}
-
-/// Directions over the half sphere; one in eight at, just above or below the horizon, one in 64 along the normal.
-fn direction(random: &mut Random) -> [f32; 3] {
-    let mut d = random.direction();
-    match random.below(64) {
-        0 => d = [0.0, 0.0, 1.0],
-        1 | 2 => d[2] = 0.0,
-        3 | 4 => d[2] = 1e-4,
-        5 | 6 => d[2] = -d[2],
-        7 | 8 => d[2] = 0.02,
-        _ => {}
-    }
-    unit(d)
-}
-
-/// Random texels of all levels of an asset of one layer, with [`direction`]s.
-fn queries(resident: &Resident, seed: u64, count: usize) -> Vec<DecodeQuery> {
-    let mut random = Random::new(seed);
-    let query = |_| {
-        let layer = random.below(resident.levels() as usize) as u32;
-        let [width, rows] = resident.size(layer);
-        let texel = random.below((width * rows) as usize) as u32;
-        DecodeQuery { layer, texel, wi: direction(&mut random), wo: direction(&mut random) }
-    };
-    (0..count).map(query).collect()
 }
 
 #[test]
@@ -87,7 +55,7 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
         };
         let resident = in_role(role);
         let other_role = in_role(if role == LobeRole::Base { LobeRole::Guide } else { LobeRole::Base });
-        let queries = queries(&resident, seed, SAMPLES);
+        let queries = random_queries(&resident, seed, SAMPLES);
         for interpolation in [Interpolation::Fast, Interpolation::Exact] {
             let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
             let cpu = |resident: &Resident, options: &DecodeOptions| -> Vec<[f32; 3]> {
@@ -123,7 +91,7 @@ fn gpu_decodes_relief_like_the_cpu() {
     let Some(gpu) = gpu("gpu_decodes_relief_like_the_cpu") else { return };
     const SAMPLES: usize = 20_000;
     let resident = Resident::from_asset(&with_levels(&sample_relief_asset(8, 24, 16), &serial));
-    let queries = queries(&resident, 9, SAMPLES);
+    let queries = random_queries(&resident, 9, SAMPLES);
     let options = DecodeOptions::default();
     let cpu = |options: &DecodeOptions| -> Vec<[f32; 3]> {
         queries.iter().map(|q| decode(&resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
@@ -372,6 +340,27 @@ fn progressive_occlusion_converges_to_the_share_of_the_sky() {
         println!("{backend:?}: {few:.4} after 4 samples, {many:.4} after 64");
         assert!(few > 0.1 && many < few / 6.0, "{few} {many}");
     }
+}
+
+#[test]
+fn a_picture_in_short_bands_is_the_same() {
+    let Some(gpu) = gpu("a_picture_in_short_bands_is_the_same") else { return };
+    let scene = scene(MeshChoice::Cornell);
+    let request = FrameRequest { scene: &scene, size: [96, 72], options: ShadeOptions::default(), sample: 0 };
+    let picture = |band_ms: Option<f64>| {
+        let mut tracer = Tracer::new(&gpu, &scene, GpuTracer::Bvh).unwrap();
+        let pixels = band_ms.map(|ms| tracer.limit_bands(&request, ms).unwrap());
+        tracer.sample(&request, None).unwrap();
+        (pixels, tracer.read_radiance().unwrap())
+    };
+    let (_, whole) = picture(None);
+    // Bands of no time are as short as bands may be; those of hours are the whole picture.
+    let (short, in_short) = picture(Some(0.0));
+    assert!(short.unwrap() < 96 * 72 / 32, "{short:?}");
+    assert_eq!(count_differences(&whole, &in_short), 0);
+    let (long, in_long) = picture(Some(1e9));
+    assert!(long.unwrap() > 96 * 72, "{long:?}");
+    assert_eq!(count_differences(&whole, &in_long), 0);
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! What the test files share: which backends are tested, and that a missing adapter is a failure unless
 //! `BTF_SKIP_GPU=1` leaves the GPU out, visibly.
 
-#![allow(dead_code, reason = "each test file takes what it needs of this one")]
+#![allow(dead_code, unused_imports, reason = "each test file takes what it needs of this one")]
 
+pub use btf_viewer::testing::{ABSOLUTE, RELATIVE, count_differences};
 use btf_viewer::{BackendChoice, Gpu, GpuTracer};
 use std::io::Write;
 
@@ -34,12 +35,6 @@ pub fn backends(test: &str) -> Vec<BackendChoice> {
     vec![BackendChoice::Cpu, BackendChoice::Gpu(GpuTracer::RayQuery), BackendChoice::Gpu(GpuTracer::Bvh)]
 }
 
-/// Absolute and relative tolerance of a decoded channel. Half-precision bases are steps of 2^-11 relative; both
-/// decoders read the same bytes, so what is left is the rounding of f32 sums and of the drivers' powers and
-/// exponentials.
-pub const ABSOLUTE: f32 = 1e-3;
-pub const RELATIVE: f32 = 1e-3;
-
 /// The adapter, or `None` where GPU tests are skipped on purpose.
 pub fn gpu(test: &str) -> Option<Gpu> {
     if gpu_is_left_out(test) {
@@ -49,14 +44,4 @@ pub fn gpu(test: &str) -> Option<Gpu> {
         Ok(gpu) => Some(gpu),
         Err(error) => panic!("{error}; BTF_SKIP_GPU=1 skips this test"),
     }
-}
-
-fn close(a: f32, b: f32) -> bool {
-    (a - b).abs() <= ABSOLUTE + RELATIVE * a.abs()
-}
-
-/// Samples of which a channel differs by more than the tolerance.
-pub fn count_differences(expected: &[[f32; 3]], found: &[[f32; 3]]) -> usize {
-    assert_eq!(expected.len(), found.len());
-    expected.iter().zip(found).filter(|(a, b)| !(0..3).all(|channel| close(a[channel], b[channel]))).count()
 }

@@ -5,6 +5,7 @@ pub mod book;
 pub mod check;
 pub mod demo;
 pub mod fuzz;
+pub mod gpu_report;
 pub mod header;
 pub mod python;
 pub mod setup;

@@ -10,6 +10,7 @@ mod cornell;
 mod last;
 mod leaf_blade;
 mod patch;
+mod plant;
 mod pullover;
 mod shoe;
 
@@ -18,6 +19,7 @@ pub(crate) use cloth::cloth;
 pub(crate) use cornell::cornell;
 pub(crate) use leaf_blade::leaf_blade;
 pub(crate) use patch::TILE_M;
+pub(crate) use plant::plant;
 pub(crate) use pullover::pullover;
 pub(crate) use shoe::shoe;
 
