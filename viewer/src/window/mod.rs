@@ -46,6 +46,9 @@ pub fn run_window(scene: Scene, params: WindowParams) -> Result<(), ViewerError>
     event_loop.set_control_flow(ControlFlow::Wait);
     let mut app = App { scene: Some(scene), params, view: None, error: None };
     event_loop.run_app(&mut app).map_err(|error| no_window(&error))?;
+    if app.error.is_none() {
+        preparing::end_if_at_work();
+    }
     app.error.map_or(Ok(()), Err)
 }
 

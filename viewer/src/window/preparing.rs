@@ -10,13 +10,18 @@ use crate::gpu::scene_change::{SceneChange, Updated};
 use crate::gpu::tracer::Tracer;
 use crate::options::ShadeOptions;
 use crate::scene::scene::Scene;
+use std::io::Write;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 /// Interval at which the window asks whether a thread's work is done. Each time it draws itself, on software drivers with
 /// the processors that compile: a tenth of one at this interval.
 pub(super) const POLL: Duration = Duration::from_millis(100);
+
+/// Number of threads that make renderers ready.
+static AT_WORK: AtomicUsize = AtomicUsize::new(0);
 
 /// What the thread has made: a tracer, or nothing where the CPU renders.
 type Made = Result<Option<Tracer>, ViewerError>;
@@ -49,9 +54,11 @@ impl Preparing {
         let FrameRequest { scene, size, options, .. } = *request;
         let job = Job { gpu: gpu.clone(), renderer, tracer, scene: scene.clone(), size, options };
         let told = preparation.clone();
+        AT_WORK.fetch_add(1, Ordering::SeqCst);
         std::thread::spawn(move || {
             // Nobody receives what was abandoned.
             let _ = sender.send(job.run(&told));
+            AT_WORK.fetch_sub(1, Ordering::SeqCst);
         });
         Preparing { preparation, made, since: Instant::now(), changes: Vec::new() }
     }
@@ -87,6 +94,23 @@ impl Preparing {
     pub fn line(&self) -> String {
         format!("{} ({:.0} s)", self.preparation.line(), self.since.elapsed().as_secs_f64())
     }
+}
+
+/// Ends the program, as one that has succeeded, if a renderer is still being made ready: what a driver's library frees at
+/// the usual end is in use by its compiler then, and now and then the program would crash.
+pub(super) fn end_if_at_work() {
+    if AT_WORK.load(Ordering::SeqCst) == 0 {
+        return;
+    }
+    let _ = std::io::stdout().flush();
+    #[cfg(unix)]
+    #[allow(unsafe_code, reason = "the C library's call that ends a program and runs nothing of it any more")]
+    // SAFETY: takes a number, and does not return.
+    unsafe {
+        libc::_exit(0)
+    }
+    #[cfg(not(unix))]
+    std::process::exit(0)
 }
 
 impl Drop for Preparing {
