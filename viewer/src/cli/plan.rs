@@ -102,14 +102,11 @@ fn print_plan(plan: &Plan, arguments: &PlanArguments) {
             asset.psnr_db.map_or("-".into(), |psnr| format!("{psnr:.1}"))
         );
     }
-    let saved = |[whole, kept]: [usize; 2]| {
-        let share = 100.0 * (1.0 - kept as f64 / whole.max(1) as f64);
-        format!("{kept} of {whole} bytes ({share:.0} % saved)")
-    };
+    let told = |[whole, kept]: [usize; 2]| format!("{kept} bytes in place of {whole}");
     println!(
         "files take {}, in memory {}; pictures differ by {:.1} dB",
-        saved(plan.bytes),
-        saved(plan.resident_bytes),
+        told(plan.bytes),
+        told(plan.resident_bytes),
         plan.psnr_db
     );
     if plan.assets.iter().any(|asset| asset.psnr_db.is_some_and(|psnr| psnr < f64::from(arguments.psnr))) {

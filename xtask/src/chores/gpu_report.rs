@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const HELP: &str = "\
-Writes what `btf-view bench gpu -o DIR` measured as docs/results/gpu.md: adapter, goals with what was measured beside them,
-and a table for each step. What was not run says so.
+Writes what `btf-view bench gpu -o DIR` measured as the page gpu.md of docs/results: adapter, goals with what was measured
+beside them, and a table for each step. What was not run says so.
 
 Usage: cargo xtask gpu-report DIR [--out FILE.md]
 
@@ -18,8 +18,8 @@ Usage: cargo xtask gpu-report DIR [--out FILE.md]
 
 Example: btf-view bench gpu cloth.spmm -o gpu-run && cargo xtask gpu-report gpu-run";
 
-/// The page, below the repository's root.
-const PAGE: &str = "docs/results/gpu.md";
+/// Folder of the page, below the repository's root, and its name.
+const PAGE: [&str; 2] = ["docs/results", "gpu.md"];
 
 /// Writes the page.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
@@ -34,16 +34,14 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         .map_err(|error| failed(format!("{error}; write it with `btf-view bench gpu -o {}`", folder.display())))?;
     let results: serde_json::Value = serde_json::from_str(&text).map_err(|error| failed(error.to_string()))?;
     if out.is_none() && !is_of_a_gpu(&results) {
-        return Err(failed(format!(
-            "these are no figures of a GPU, write them to another page than {PAGE} with --out"
-        )));
+        return Err(failed("these are no figures of a GPU, write them to a page of your own with --out".into()));
     }
     let head = answer_of(Command::new("git").args(["rev-parse", "--short=7", "HEAD"]).current_dir(root()));
     let page = page(&results, head.as_deref().map(str::trim)).map_err(failed)?;
-    let out = out.unwrap_or_else(|| root().join(PAGE));
+    let out = out.unwrap_or_else(|| root().join(PAGE[0]).join(PAGE[1]));
     write(&out, &page)?;
     println!("{}", out.display());
-    if out.ends_with(PAGE) {
+    if out.ends_with(Path::new(PAGE[0]).join(PAGE[1])) {
         println!("a new page needs its line in docs/SUMMARY.md");
     }
     Ok(())
