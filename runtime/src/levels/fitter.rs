@@ -24,8 +24,6 @@ const TONE_FLOOR: f32 = 0.02;
 const LOBE_SWEEPS: usize = 40;
 /// Number of sweeps of coordinate descent over coefficients, which are nearly orthogonal.
 const COEFFICIENT_SWEEPS: usize = 8;
-/// Number of sweeps over the first coefficients, by which clusters are compared.
-const CHOICE_SWEEPS: usize = 4;
 /// Largest code of a coefficient.
 pub(super) const MAX_CODE: f32 = 127.0;
 
@@ -228,10 +226,7 @@ impl<'a> Fitter<'a> {
         };
         let components = &self.clusters[usize::from(cluster)].components;
         let products = components.products(components.count, &left);
-        let (codes, _) = descend(&components.gram, &products, COEFFICIENT_SWEEPS, |sweep, _, x| {
-            let x = x.clamp(-MAX_CODE, MAX_CODE);
-            if sweep + 1 == COEFFICIENT_SWEEPS { x.round() } else { x }
-        });
+        let (codes, _) = descend_to_codes(&components.gram, &products);
         MipTexel { mean, cluster, lobe_refs, codes: codes.iter().map(|x| *x as i8).collect() }
     }
 
@@ -241,10 +236,18 @@ impl<'a> Fitter<'a> {
         let mut left = self.left_by_lobes(cluster, &lobe_refs, encoded);
         left.iter_mut().zip(&cluster.mean).for_each(|(left, x)| *left -= x);
         let products = cluster.components.products(cluster.first_gram.len().isqrt(), &left);
-        let within = |_, _, x: f32| x.clamp(-MAX_CODE, MAX_CODE);
-        let (_, gain) = descend(&cluster.first_gram, &products, CHOICE_SWEEPS, within);
+        let (_, gain) = descend_to_codes(&cluster.first_gram, &products);
         Choice { error: dot_slices(&left, &left) - gain, cluster: number, lobe_refs, left }
     }
+}
+
+/// Returns the codes of the coefficients that follow encoded values best, given their products with the components, and by
+/// how much they reduce the squared error.
+fn descend_to_codes(gram: &[f32], products: &[f32]) -> (Vec<f32>, f32) {
+    descend(gram, products, COEFFICIENT_SWEEPS, |sweep, _, x| {
+        let x = x.clamp(-MAX_CODE, MAX_CODE);
+        if sweep + 1 == COEFFICIENT_SWEEPS { x.round() } else { x }
+    })
 }
 
 /// The arguments of [`Fitter::encoded`], for [`pulp`].
