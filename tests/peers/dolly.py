@@ -3,9 +3,9 @@
 
     dolly.py BTF_VIEW ASSET.spmm X,Y,Z
 
-An asset repeated 8 x 8 times on a plane, seen from X, Y, Z on: one sample a pixel with levels, one with levels that are interpolated,
-one of the finest texels, and as reference 32 frames of the finest texels. Root mean squares over the pixels that the plane covers, in 8-bit codes. Needs numpy
-and pillow.
+An asset repeated 8 x 8 times on a plane, seen from X, Y, Z on: one sample a pixel with levels, one with levels that are
+interpolated, one of the finest texels, and as reference 32 frames of the finest texels. Root mean squares over the pixels
+that the plane covers, in 8-bit codes. Needs numpy and pillow.
 """
 import subprocess
 import sys

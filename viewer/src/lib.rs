@@ -93,7 +93,7 @@ pub use window_params::WindowParams;
 /// Ways into single parts of the renderers, for tests and measurements; no part of the interface.
 #[doc(hidden)]
 pub mod testing {
-    pub use crate::bench::gpu::parity::{ABSOLUTE, RELATIVE, count_differences, random_queries};
+    pub use crate::bench::gpu::parity::{ABSOLUTE, RELATIVE, count_differences, difference, random_queries};
     pub use crate::gpu::decode_queries::{DecodeQuery, gpu_decode};
     pub use crate::gpu::expand_queries::{gpu_expand, time_gpu_expand, time_upload};
     pub use crate::gpu::walk_queries::{WalkQuery, WalkSum, cpu_walk, gpu_walk};

@@ -90,6 +90,21 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
 mod tests {
     use super::*;
 
+    const CHORES: [&str; 12] = [
+        "demo",
+        "test",
+        "check",
+        "bench",
+        "book",
+        "fuzz",
+        "gpu-report",
+        "python",
+        "header",
+        "shaders",
+        "volumes",
+        "setup",
+    ];
+
     fn exit_code_of(arguments: &[&str]) -> u8 {
         let arguments: Vec<String> = arguments.iter().map(ToString::to_string).collect();
         run(&arguments).err().map_or(0, |failure| failure.exit_code())
@@ -100,20 +115,7 @@ mod tests {
         let failure = run(&["brew".to_string()]).unwrap_err();
         assert_eq!(failure.exit_code(), 2);
         assert!(failure.to_string().contains("no chore 'brew'"));
-        for chore in [
-            "demo",
-            "test",
-            "check",
-            "bench",
-            "book",
-            "fuzz",
-            "gpu-report",
-            "python",
-            "header",
-            "shaders",
-            "volumes",
-            "setup",
-        ] {
+        for chore in CHORES {
             assert!(failure.to_string().contains(chore), "{chore} is not in the list");
         }
     }
@@ -139,20 +141,7 @@ mod tests {
     #[test]
     fn help_is_no_failure() {
         assert_eq!(exit_code_of(&["--help"]), 0);
-        for chore in [
-            "demo",
-            "test",
-            "check",
-            "bench",
-            "book",
-            "fuzz",
-            "gpu-report",
-            "python",
-            "header",
-            "shaders",
-            "volumes",
-            "setup",
-        ] {
+        for chore in CHORES {
             assert_eq!(exit_code_of(&[chore, "--help"]), 0);
         }
     }

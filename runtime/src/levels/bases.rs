@@ -4,7 +4,7 @@ use crate::numeric::algebra::gram_of;
 use pulp::{Arch, Simd, WithSimd};
 
 /// Number of samples that a sum keeps in registers while it goes over the components.
-pub(super) const TILE: usize = 64;
+const TILE: usize = 64;
 /// Number of partial sums of a scalar product.
 const LANES: usize = 16;
 /// Number of vectors of sums that stay in registers.

@@ -115,13 +115,13 @@ impl<'a> Fitter<'a> {
     }
 
     /// Encodes linear values in the residual's curve.
-    pub(super) fn encoded(&self, values: &[f32]) -> Vec<f32> {
-        Arch::new().dispatch(Encoded { fitter: self, values: values.to_vec() })
+    pub(super) fn encoded(&self, values: Vec<f32>) -> Vec<f32> {
+        Arch::new().dispatch(Encoded { layer: self.layer, values })
     }
 
     /// Subtracts the lobes from encoded values.
     pub(super) fn left_by_lobes(&self, cluster: &Cluster, refs: &[LobeRef], encoded: &[f32]) -> Vec<f32> {
-        let mut left = self.encoded(&self.lobe_sums(cluster, refs));
+        let mut left = self.encoded(self.lobe_sums(cluster, refs));
         left.iter_mut().zip(encoded).for_each(|(left, x)| *left = x - *left);
         left
     }
@@ -206,7 +206,7 @@ impl<'a> Fitter<'a> {
     /// coefficients. Its lobes are the mean of the covered texels' lobes in that cluster or, where that is better and the
     /// bases do not hold the whole value, the nearest to the values. The first components tell what is better.
     pub(super) fn fit(&self, mean: Vec<f32>, candidates: &[Candidate]) -> MipTexel {
-        let encoded = self.encoded(&mean);
+        let encoded = self.encoded(mean.clone());
         let mut best: Option<Choice> = None;
         let mut offer = |cluster: u8, refs: Vec<LobeRef>| {
             let choice = self.choice(cluster, refs, &encoded);
@@ -252,7 +252,7 @@ fn descend_to_codes(gram: &[f32], products: &[f32]) -> (Vec<f32>, f32) {
 
 /// The arguments of [`Fitter::encoded`], for [`pulp`].
 struct Encoded<'a> {
-    fitter: &'a Fitter<'a>,
+    layer: &'a Layer,
     values: Vec<f32>,
 }
 
@@ -261,7 +261,7 @@ impl WithSimd for Encoded<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _: S) -> Vec<f32> {
-        let Layer { residual_kind, epsilon, .. } = self.fitter.layer;
+        let Layer { residual_kind, epsilon, .. } = self.layer;
         residual_kind.encode_slice(&mut self.values, *epsilon);
         self.values
     }

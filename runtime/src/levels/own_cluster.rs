@@ -120,7 +120,7 @@ impl Fitter<'_> {
                 let mean = self.square(spread(i, taken, squares), size, side);
                 let refs =
                     if self.lobes_count() { self.refs_of(own, &self.nearest_weights(own, &mean)) } else { Vec::new() };
-                let left = self.left_by_lobes(own, &refs, &self.encoded(&mean));
+                let left = self.left_by_lobes(own, &refs, &self.encoded(mean));
                 solve(&factor, shared.products(count, &left))
             }));
         }

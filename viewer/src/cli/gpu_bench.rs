@@ -7,7 +7,6 @@ use btf_viewer::{
     GPU_RESULTS_FILE, GpuBenchParams, GpuBenchRun, GpuResults, GpuTracer, StepRecord, ViewerError, run_gpu_bench,
     run_gpu_step, write_stand_in_asset,
 };
-use clap::ValueEnum;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
@@ -34,7 +33,7 @@ pub(super) struct GpuBenchArguments {
     only: Vec<String>,
     /// What traces rays [default: ray queries where the adapter has them]
     #[arg(long, value_enum)]
-    backend: Option<TracerName>,
+    backend: Option<GpuTracer>,
     /// Part of the name of the adapter to use, where there are several
     #[arg(long, value_name = "NAME")]
     adapter: Option<String>,
@@ -44,12 +43,6 @@ pub(super) struct GpuBenchArguments {
     /// Runs this step in this process and prints its rows
     #[arg(long, value_name = "STEP", hide = true)]
     step: Option<String>,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum TracerName {
-    RayQuery,
-    Bvh,
 }
 
 /// Runs the command: the steps, or one of them where this is a step's process.
@@ -67,10 +60,7 @@ pub(super) fn run(arguments: &GpuBenchArguments) -> Result<(), ViewerError> {
         assets: load_assets(stand_in.as_ref().map_or(&arguments.assets, std::slice::from_ref))?,
         mesh: arguments.mesh.clone(),
         adapter: arguments.adapter.clone(),
-        tracer: arguments.backend.map(|name| match name {
-            TracerName::RayQuery => GpuTracer::RayQuery,
-            TracerName::Bvh => GpuTracer::Bvh,
-        }),
+        tracer: arguments.backend,
         quick: arguments.quick,
     };
     if let Some(step) = &arguments.step {

@@ -40,8 +40,8 @@ pub(super) struct PlanArguments {
 /// Runs the command.
 ///
 /// # Errors
-/// [`ViewerError::Usage`] where a file that is read would be overwritten, and for packed bases of each asset; those of [`plan`] and
-/// of writing files.
+/// [`ViewerError::Usage`] where a file that is read would be overwritten, and for packed bases of each asset; those of
+/// [`plan`] and of writing files.
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
     let render = &arguments.render;
     if render.packing().is_some() {

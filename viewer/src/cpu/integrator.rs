@@ -4,7 +4,7 @@
 use crate::cpu::direct_light::{LightNumbers, LitPoint};
 use crate::cpu::path::{Numbers, Path, PathVertex, roulette};
 use crate::cpu::scatter::mirror_direction;
-use crate::cpu::shader::{Shader, TEXEL_TAPS, TexelTap};
+use crate::cpu::shader::{Shader, TexelTap};
 use crate::cpu::volumes::AfterVolumes;
 use crate::geometry::bvh::NO_HIT;
 use crate::geometry::surface::Surface;
@@ -79,20 +79,24 @@ impl Shader<'_> {
             };
             let level = self.level_of(&s, material, path.travelled, numbers.seed);
             let leaf = self.viewed_leaf(&s, material, &hit, level);
-            for (tap, light_back) in (0..TEXEL_TAPS).flat_map(|tap| [(tap, false), (tap, true)]) {
-                let TexelTap { at, weight } = self.texel_tap(&s, level, path.travelled, vertex, tap);
-                if weight <= 0.0 {
-                    continue;
-                }
-                s.texel_at = at;
-                if let Some(viewed) = &self.viewed_body(&s, material, leaf.as_ref(), level, light_back) {
-                    let relief = relief.as_ref().map(|(relief, point)| (relief, *point));
-                    let width = path.travelled * self.ray_width();
-                    let lit = LitPoint { s: &s, relief, material, viewed, light_back, width, numbers: &numbers };
-                    radiance += weight * path.throughput * self.direct_light(&lit, &mut done);
+            let drawn = self.texel_numbers(&s, path.travelled, vertex);
+            let taps = self.texel_taps(material, vertex);
+            for tap in 0..taps {
+                let tap = match taps {
+                    1 => TexelTap { at: drawn, weight: 1.0 },
+                    _ => self.texel_tap(&s, level, tap),
+                };
+                s.texel_at = tap.at;
+                for light_back in [false, true] {
+                    if let Some(viewed) = &self.viewed_body(&s, material, leaf.as_ref(), level, light_back) {
+                        let relief = relief.as_ref().map(|(relief, point)| (relief, *point));
+                        let width = path.travelled * self.ray_width();
+                        let lit = LitPoint { s: &s, relief, material, viewed, light_back, width, numbers: &numbers };
+                        radiance += tap.weight * path.throughput * self.direct_light(&lit, &mut done);
+                    }
                 }
             }
-            s.texel_at = self.texel_numbers(&s, path.travelled, vertex);
+            s.texel_at = drawn;
             let goes_on = match self.options.mode {
                 RenderMode::Path => self.scatter_path(&mut path, &s, material, leaf.as_ref(), vertex),
                 RenderMode::Direct => mirror_path(&mut path, &s, material),

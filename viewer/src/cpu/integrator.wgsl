@@ -47,7 +47,6 @@ fn light_pass(at: vec2<u32>) {
     var point = vec3<f32>(0.0);
     var s = surface_of(path, &relief, &point);
     var pixel = pixels[index];
-    let depth = pixel.depth;
     let numbers = LightNumbers(
         sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, AMBIENT_NUMBERS)),
         sampler_two(frame.sample, seed_of(whole_picture(at), pixel.depth, SUN_NUMBERS)),
@@ -57,23 +56,23 @@ fn light_pass(at: vec2<u32>) {
     let level = level_of(s, material, path.travelled, numbers.seed);
     let leaf = viewed_leaf(s, material, path.instance, level);
     let width = path.travelled * ray_width();
-    // One loop over texels and sides, because shader compilers inline every call.
-    let taps = select(1u, TEXEL_TAPS, frame.filtered == FILTER_LINEAR && depth == 1u);
-    for (var part = 0u; part < 2u * taps; part++) {
-        let tap = texel_tap(s, level, path.travelled, whole_picture(at), depth, part / 2u);
-        if tap.weight <= 0.0 {
-            continue;
+    let taps = texel_taps(material, pixel.depth);
+    var tap = TexelTap(texel_numbers(s, path.travelled, whole_picture(at), pixel.depth), 1.0);
+    for (var number = 0u; number < taps; number++) {
+        if taps > 1u {
+            tap = texel_tap(s, level, number);
         }
         s.texel_at = tap.at;
-        let back = part % 2u == 1u;
-        let viewed = viewed_body(s, material, leaf, level, back);
-        if viewed.kind == BODY_NONE {
-            continue;
+        for (var side = 0u; side < 2u; side++) {
+            let viewed = viewed_body(s, material, leaf, level, side == 1u);
+            if viewed.kind == BODY_NONE {
+                continue;
+            }
+            let light = direct_light(LitPoint(s, relief, point, material, viewed, side == 1u, width, numbers));
+            pixel.sum += vec4<f32>(tap.weight * path.throughput * light.radiance, 0.0);
+            pixel.rays += light.rays;
+            pixel.evaluations += light.evaluations;
         }
-        let light = direct_light(LitPoint(s, relief, point, material, viewed, back, width, numbers));
-        pixel.sum += vec4<f32>(tap.weight * path.throughput * light.radiance, 0.0);
-        pixel.rays += light.rays;
-        pixel.evaluations += light.evaluations;
     }
     pixels[index] = pixel;
 }

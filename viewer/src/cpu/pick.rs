@@ -5,7 +5,7 @@ use crate::cpu::shader::{FAR, Shader, texels_per_unit};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
 use crate::geometry::surface::Surface;
 use crate::options::ShadeOptions;
-use crate::scene::material::{Body, Material};
+use crate::scene::material::Material;
 use crate::scene::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -51,16 +51,8 @@ pub(crate) struct SurfacePoint {
 pub(crate) fn pick_surface(scene: &Scene, size: [u32; 2], pixel: [f32; 2]) -> Option<SurfacePoint> {
     let Seen { surface, material } = see(scene, size, pixel)?;
     let position = surface.position;
-    let texels = match material.body {
-        Body::Plain(_) => None,
-        Body::Asset(asset) => {
-            let head = scene.assets[asset].head();
-            Some([head.width() as f32, head.height() as f32])
-        }
-        Body::Leaf(leaf) => Some(scene.leaves[leaf].leaf.size().map(|side| side as f32)),
-    };
-    let texels_per_unit = texels.map(|size| texels_per_unit(&surface, material, size)).filter(|density| *density > 0.0);
-    let nearest = match texels_per_unit {
+    let density = scene.texels_of(material).map(|size| texels_per_unit(&surface, material, size));
+    let nearest = match density.filter(|density| *density > 0.0) {
         Some(density) => NEAREST_TEXELS / density,
         None => NEAREST_RADII * scene.geometry.bounding_sphere().1,
     };

@@ -89,24 +89,22 @@ impl Shader<'_> {
         if self.options.filter == Filter::Nearest || !drawn {
             return [0.5; 2];
         }
-        let head = self.scene.assets[asset].head();
-        let size = [head.width() as f32, head.height() as f32];
+        let size = self.scene.assets[asset].head().size(0).map(|side| side as f32);
         let texels = self.texels_of_pixel(s, material, size, travelled);
         let part = (-texels.log2()).clamp(0.0, 1.0);
         self.two_numbers(vertex, Numbers::Texel).map(|at| 0.5 + part * (at - 0.5))
     }
 
-    /// Returns texel number `tap` of the four of a level that are summed at a vertex, `travelled` from the eye; the first
-    /// one alone has a weight where texels are not interpolated.
-    pub(crate) fn texel_tap(&self, s: &Surface, level: u32, travelled: f32, vertex: PathVertex, tap: u32) -> TexelTap {
+    /// Returns how many texels are summed at a vertex.
+    pub(crate) fn texel_taps(&self, material: &Material, vertex: PathVertex) -> u32 {
+        let linear = self.options.filter == Filter::Linear && vertex.depth == 1;
+        if linear && matches!(material.body, Body::Asset(_)) { TEXEL_TAPS } else { 1 }
+    }
+
+    /// Returns texel number `tap` of the four of a level that are summed at a vertex on an asset.
+    pub(crate) fn texel_tap(&self, s: &Surface, level: u32, tap: u32) -> TexelTap {
         let material = &self.scene.materials[s.material];
-        let asset = match material.body {
-            Body::Asset(asset) if self.options.filter == Filter::Linear && vertex.depth == 1 => asset,
-            _ => {
-                let weight = if tap == 0 { 1.0 } else { 0.0 };
-                return TexelTap { at: self.texel_numbers(s, travelled, vertex), weight };
-            }
-        };
+        let Body::Asset(asset) = material.body else { return TexelTap { at: [0.5; 2], weight: 1.0 } };
         let head = self.scene.assets[asset].head();
         let size = head.size(level * head.layers()).map(|side| side as f32);
         let uv = s.uv * Vec2::from(material.uv_scale);
@@ -176,16 +174,11 @@ impl Shader<'_> {
         if !self.options.uses_levels() {
             return 0;
         }
-        let (size, levels) = match material.body {
-            Body::Plain(_) => return 0,
-            Body::Asset(asset) => {
-                let head = self.scene.assets[asset].head();
-                ([head.width() as f32, head.height() as f32], head.levels())
-            }
-            Body::Leaf(leaf) => {
-                let leaf = &self.scene.leaves[leaf].leaf;
-                (leaf.size().map(|side| side as f32), leaf.levels())
-            }
+        let Some(size) = self.scene.texels_of(material) else { return 0 };
+        let levels = match material.body {
+            Body::Plain(_) => 1,
+            Body::Asset(asset) => self.scene.assets[asset].head().levels(),
+            Body::Leaf(leaf) => self.scene.leaves[leaf].leaf.levels(),
         };
         let texels = self.texels_of_pixel(s, material, size, travelled);
         let part = if self.sample > 0 { sampler::one(seed ^ LEVEL_CHOICE) } else { 0.5 };

@@ -63,13 +63,15 @@ struct TexelTap {
     weight: f32,
 }
 
-// Returns texel number `tap` of the four of a level that are summed at the vertex at `depth`, `travelled` from the eye; the
-// first one alone has a weight where texels are not interpolated.
-fn texel_tap(s: Surface, level: u32, travelled: f32, pixel: vec2<u32>, depth: u32, tap: u32) -> TexelTap {
+// Returns how many texels are summed at the vertex at `depth`.
+fn texel_taps(material: Material, depth: u32) -> u32 {
+    let linear = frame.filtered == FILTER_LINEAR && depth == 1u;
+    return select(1u, TEXEL_TAPS, linear && with_assets && material.asset != NO_ASSET);
+}
+
+// Returns texel number `tap` of the four of a level that are summed at a vertex on an asset.
+fn texel_tap(s: Surface, level: u32, tap: u32) -> TexelTap {
     let material = materials[s.material];
-    if !with_assets || material.asset == NO_ASSET || frame.filtered != FILTER_LINEAR || depth > 1u {
-        return TexelTap(texel_numbers(s, travelled, pixel, depth), select(0.0, 1.0, tap == 0u));
-    }
     let size = vec2<f32>(btf_size(material.asset, level * btf_layers(material.asset)));
     let uv = s.uv * material.uv_scale;
     let upper = vec2<f32>(f32(tap & 1u), f32(tap >> 1u));

@@ -1,7 +1,7 @@
 //! The renderers that can be asked for.
 
 /// A way in which a GPU finds what a ray hits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum GpuTracer {
     /// Acceleration structures and ray queries; needs an adapter that has them.
     RayQuery,

@@ -25,7 +25,8 @@ pub(crate) struct Band {
 }
 
 impl Target {
-    /// Allocates the bands of a picture, of at most `max_band_pixels` each (or a row); `shared` are the resources of bind group 0 that all bands have in common.
+    /// Allocates the bands of a picture, of at most `max_band_pixels` each (or a row); `shared` are the resources of bind
+    /// group 0 that all bands have in common.
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the driver has no memory for them.

@@ -325,9 +325,10 @@ impl<'a> Planner<'a> {
     /// Packs what is kept in resident forms that take at most `budget` bytes together.
     fn within(&self, budget: u64, kept: Kept) -> Result<Kept, ViewerError> {
         let mut forms: Vec<Vec<Form>> = vec![Vec::new(); kept.assets.len()];
+        let mut pixels = vec![0.0; kept.assets.len()];
+        self.shown.iter().flatten().for_each(|asset| pixels[*asset] += 1.0);
         let mut add = |assets: &[Arc<SceneAsset>], errors: &[Option<f64>]| {
-            for (((forms, asset), error), number) in forms.iter_mut().zip(assets).zip(errors).zip(0..) {
-                let pixels = self.shown.iter().filter(|shown| **shown == Some(number)).count() as f64;
+            for (((forms, asset), error), pixels) in forms.iter_mut().zip(assets).zip(errors).zip(&pixels) {
                 let error = error.map_or(0.0, |db| pixels * 10f64.powf(-db / 10.0));
                 forms.push(Form { bytes: 4 * asset.head().words().len() as u64, error });
             }

@@ -205,6 +205,16 @@ impl SceneMesh {
 }
 
 impl Scene {
+    /// Returns width and height in texels of what a material shows, at its finest level; `None` where it is plain.
+    pub(crate) fn texels_of(&self, material: &Material) -> Option<[f32; 2]> {
+        let size = match material.body {
+            Body::Plain(_) => return None,
+            Body::Asset(asset) => self.assets[asset].head().size(0),
+            Body::Leaf(leaf) => self.leaves[leaf].leaf.size(),
+        };
+        Some(size.map(|side| side as f32))
+    }
+
     /// Joins objects, which are in world space, into a scene with the default camera, one light and the default
     /// background.
     ///

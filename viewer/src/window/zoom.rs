@@ -1,6 +1,7 @@
 //! The wheel: it brings the eye nearer to what is under the mouse, and never through it.
 
 use crate::cpu::pick::pick_surface;
+use crate::scene::camera::Camera;
 use crate::scene::scene::Scene;
 
 /// Least distance of the eye from a target in mid-air, in the scene's radii.
@@ -13,14 +14,14 @@ const NEAREST_TARGET_RADII: f32 = 1e-3;
 ///
 /// [`SurfacePoint::nearest`]: crate::cpu::pick::SurfacePoint::nearest
 pub(super) fn zoom(scene: &mut Scene, size: [u32; 2], pixel: [f32; 2], factor: f32) {
-    let middle = size.map(|side| 0.5 * side as f32);
-    let camera = scene.camera;
-    let (point, nearest) = match (pick_surface(scene, size, pixel), pick_surface(scene, size, middle)) {
-        (Some(seen), _) => (seen.position, seen.nearest),
-        (None, Some(seen)) if camera.eye.distance(seen.position) < camera.eye.distance(camera.target) => {
-            (seen.position, seen.nearest)
-        }
-        (None, _) => (camera.target, NEAREST_TARGET_RADII * scene.geometry.bounding_sphere().1),
+    let Camera { eye, target, .. } = scene.camera;
+    let in_the_middle = || {
+        let seen = pick_surface(scene, size, size.map(|side| 0.5 * side as f32));
+        seen.filter(|seen| eye.distance(seen.position) < eye.distance(target))
+    };
+    let (point, nearest) = match pick_surface(scene, size, pixel).or_else(in_the_middle) {
+        Some(seen) => (seen.position, seen.nearest),
+        None => (target, NEAREST_TARGET_RADII * scene.geometry.bounding_sphere().1),
     };
     scene.camera.zoom_about(point, factor, nearest);
 }

@@ -1,7 +1,7 @@
 //! What the GPU draws is what the CPU reference draws. A missing adapter is a failure, unless `BTF_SKIP_GPU=1` is set;
 //! then each test prints one line `skipped: ...` and passes.
 
-use crate::support::{ABSOLUTE, RELATIVE, count_differences, gpu};
+use crate::support::{ABSOLUTE, RELATIVE, count_differences, difference, gpu};
 use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_relief_asset};
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, HeightUse, Heights, Interpolation, LobeRole, PackedGoal, Resident, ResidualKind,
@@ -64,11 +64,7 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
             let expected = cpu(&resident, &options);
             for tracer in TRACERS {
                 let found = gpu_decode(&gpu, tracer, &resident, &options, &queries).unwrap();
-                let worst = expected
-                    .iter()
-                    .zip(&found)
-                    .flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs() / (ABSOLUTE + RELATIVE * a[c].abs())))
-                    .fold(0.0, f32::max);
+                let worst = expected.iter().zip(&found).map(|(a, b)| difference(a, b)).fold(0.0, f32::max);
                 println!("{kind:?} {role:?} {interpolation:?} {}: worst {worst:.4} of the tolerance", tracer.name());
                 let differences = count_differences(&expected, &found);
                 assert!(differences <= allowed, "{kind:?} {role:?} {interpolation:?} {}: {differences}", tracer.name());

@@ -3,7 +3,7 @@
 
 #![allow(dead_code, unused_imports, reason = "each test file takes what it needs of this one")]
 
-pub use btf_viewer::testing::{ABSOLUTE, RELATIVE, count_differences};
+pub use btf_viewer::testing::{ABSOLUTE, RELATIVE, count_differences, difference};
 use btf_viewer::{BackendChoice, Gpu, GpuTracer};
 use std::io::Write;
 

@@ -136,10 +136,7 @@ fn compare(
             }
         }
     }
-    match faults.is_empty() {
-        true => Ok(()),
-        false => Err(workload.gpu.error(format!("decoded values differ from the CPU's: {}", faults.join(", ")))),
-    }
+    workload.judge("decoded values", &faults)
 }
 
 #[cfg(test)]

@@ -71,10 +71,7 @@ pub(super) fn compare_pictures(params: &GpuBenchParams, rows: Rows) -> Result<()
             rows(row_of("picture", &row));
         }
     }
-    match faults.is_empty() {
-        true => Ok(()),
-        false => Err(gpu.error(format!("pictures differ from the CPU's: {}", faults.join(", ")))),
-    }
+    workload.judge("pictures", &faults)
 }
 
 /// Returns the pictures to compare: the form of their assets, one in how many pixels may differ, and the point.

@@ -25,7 +25,7 @@ const GROUP: u64 = 256;
 /// Workgroups per row of a dispatch, below the least limit of 65535.
 const ROW: u64 = 32768;
 /// Seconds that dispatches which are submitted together take at least, so that submitting does not count.
-const LEAST_S: f64 = 0.05;
+const MIN_S: f64 = 0.05;
 
 /// What the adapter can do at most.
 #[derive(Serialize)]
@@ -96,7 +96,7 @@ fn seconds_of(gpu: &Gpu, entry: &str, bytes: u64, rounds: u64) -> Result<f64, Vi
     let mut dispatches = 1;
     loop {
         let seconds = run(dispatches)?;
-        if seconds >= LEAST_S {
+        if seconds >= MIN_S {
             return Ok(seconds / dispatches as f64);
         }
         dispatches *= 2;

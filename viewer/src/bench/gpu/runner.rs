@@ -12,7 +12,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// Seconds without which a step is not begun.
-const LEAST_S: f64 = 5.0;
+const MIN_S: f64 = 5.0;
 
 /// How a measurement goes about it.
 pub struct GpuBenchRun<'a> {
@@ -64,7 +64,7 @@ pub fn run_gpu_bench(params: &GpuBenchParams, run: &GpuBenchRun, control: &Contr
         };
         let record = if params.quick && !step.in_quick_runs {
             skipped("not in a quick run")
-        } else if left_s < LEAST_S {
+        } else if left_s < MIN_S {
             skipped("no time")
         } else {
             let deadline = Duration::from_secs_f64(left_s.min(step.deadline_s as f64));

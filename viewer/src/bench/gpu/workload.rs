@@ -70,6 +70,17 @@ impl<'a> Workload<'a> {
         assets.iter().map(|asset| Arc::new(asset.packed(goal(asset)))).collect()
     }
 
+    /// Ends a comparison with the CPU: `faults` are those of `what`.
+    ///
+    /// # Errors
+    /// [`ViewerError::Gpu`] where there are any.
+    pub(super) fn judge(&self, what: &str, faults: &[String]) -> Result<(), ViewerError> {
+        match faults.is_empty() {
+            true => Ok(()),
+            false => Err(self.gpu.error(format!("{what} differ from the CPU's: {}", faults.join(", ")))),
+        }
+    }
+
     /// Returns a picture's size, smaller in a quick run.
     pub(super) fn size(&self, [width, height]: [u32; 2]) -> [u32; 2] {
         let shrink = if self.params.quick { QUICK_SHRINK } else { 1 };
