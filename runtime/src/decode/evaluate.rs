@@ -3,8 +3,10 @@
 //! `decode/evaluate.wgsl`.
 
 use crate::asset::asset::SurfaceSide;
+use crate::asset::lobe::ResidentLobe;
 use crate::decode::lobe_queue::LobeQueue;
 use crate::decode::options::DecodeOptions;
+use crate::decode::part_queue::PartQueue;
 use crate::decode::texel::Texel;
 use crate::decode::viewed_texel::ViewedTexel;
 use crate::resident::resident::Resident;
@@ -87,7 +89,7 @@ pub fn evaluate_many(
     options: &DecodeOptions,
     values: &mut [[f32; 3]],
 ) {
-    let mut lobes = LobeQueue::new();
+    let (mut lobes, mut parts) = (LobeQueue::new(), PartQueue::default());
     let (mut places, mut texels, mut ahead) = (Vec::new(), Vec::new(), Vec::new());
     for (queries, values) in queries.chunks(BATCH).zip(values[..queries.len()].chunks_mut(BATCH)) {
         places.clear();
@@ -109,11 +111,16 @@ pub fn evaluate_many(
             viewed.ask_lobes(|lobe| lobes.push(lobe, lit.toward(), viewed.eye()));
         }
         let mut lobes = lobes.finish();
-        for (texel, value) in texels.iter().zip(values) {
-            *value = texel
-                .as_ref()
-                .map_or([0.0; 3], |(viewed, lit)| viewed.value(None, lit, &mut |_| lobes.next().unwrap_or_default()));
+        let mut value_of = |_: &ResidentLobe| lobes.next().unwrap_or_default();
+        for (index, texel) in texels.iter().enumerate() {
+            values[index] = [0.0; 3];
+            let Some((viewed, lit)) = texel else { continue };
+            match viewed.parts(lit, &mut value_of) {
+                Some(of_value) => parts.push(of_value, viewed.curve(), index, values),
+                None => values[index] = viewed.value(None, lit, &mut value_of),
+            }
         }
+        parts.finish(values);
     }
 }
 

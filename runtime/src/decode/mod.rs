@@ -7,6 +7,7 @@ pub(crate) mod measured;
 pub(crate) mod options;
 pub(crate) mod packed_sum;
 pub(crate) mod parallax;
+pub(crate) mod part_queue;
 pub(crate) mod relief;
 pub(crate) mod residual_sum;
 pub(crate) mod sample;

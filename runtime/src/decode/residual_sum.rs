@@ -7,15 +7,24 @@
 
 use crate::asset::limits::MAX_COMPONENTS;
 use crate::decode::texel::Texel;
+use crate::numeric::quantize::coefficient_from_byte;
 use crate::resident::layout::block;
 use pulp::Simd;
 
 /// Number of words that are read together.
 pub(crate) const LANES: usize = 16;
-/// Largest number of blocks of [`LANES`] words that the bases of a pair fill.
-pub(crate) const MAX_BLOCKS: usize = (3 * (1 + MAX_COMPONENTS).div_ceil(2)).div_ceil(LANES);
-/// Number of blocks that the bases of eight components fill.
+/// Largest number of blocks of [`LANES`] words that the bases of a pair fill, and one more.
+pub(crate) const MAX_BLOCKS: usize = (3 * MAX_CHANNEL_WORDS).div_ceil(LANES) + 1;
+/// Number of blocks that the bases of eight components fill, and some more words.
 pub(crate) const FEW_BLOCKS: usize = 2;
+/// Largest number of words of a channel.
+const MAX_CHANNEL_WORDS: usize = (1 + MAX_COMPONENTS).div_ceil(2);
+
+/// Returns whether weights of this many words a channel fit into `blocks` blocks, each channel in whole blocks from its
+/// first word on.
+pub(crate) fn fit_blocks(channel_words: usize, blocks: usize) -> bool {
+    2 * channel_words + channel_words.next_multiple_of(LANES) <= blocks * LANES
+}
 
 /// The array that a layer's expanded bases are read from.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +39,7 @@ pub(crate) enum Bases<'a> {
 /// the decoded code for a component, 0 for an unused basis.
 #[derive(Debug, Clone)]
 pub(crate) struct BasisWeights<const BLOCKS: usize> {
-    blocks: [[[f32; LANES]; 2]; BLOCKS],
+    halves: [[[f32; LANES]; BLOCKS]; 2],
     /// Whether a block has weights other than 0.
     used: [bool; BLOCKS],
     /// Number of words of a channel in use, and in all.
@@ -38,19 +47,43 @@ pub(crate) struct BasisWeights<const BLOCKS: usize> {
 }
 
 impl<const BLOCKS: usize> BasisWeights<BLOCKS> {
-    /// Collects the weights of `t`, whose bases must fill at most `BLOCKS` blocks.
+    /// Collects the weights of `t`, whose words must fit into `BLOCKS` blocks ([`fit_blocks`]).
     pub(crate) fn of_texel(t: &Texel) -> BasisWeights<BLOCKS> {
         let channel = [t.bases.div_ceil(2), t.field(block::CHANNEL_WORDS)];
-        let mut weights = BasisWeights { blocks: [[[0.0; LANES]; 2]; BLOCKS], used: [false; BLOCKS], channel };
-        for word in 0..channel[0] {
-            let two = [2 * word, 2 * word + 1].map(|index| t.basis_weight(index));
-            for lane in (0..3).map(|c| c * channel[1] + word) {
-                weights.used[lane / LANES] = true;
-                (0..2).for_each(|half| weights.blocks[lane / LANES][half][lane % LANES] = two[half]);
+        let [used_words, channel_words] = channel;
+        let pieces = used_words.div_ceil(LANES);
+        let of_channel = channel_weights(t);
+        let mut weights = BasisWeights { halves: [[[0.0; LANES]; BLOCKS]; 2], used: [false; BLOCKS], channel };
+        for at in (0..3).map(|c| c * channel_words) {
+            for (all, of_channel) in weights.halves.iter_mut().zip(&of_channel) {
+                // In whole blocks: what is beyond the channel is 0, and is the next channel's then.
+                let all = all.as_flattened_mut()[at..].as_chunks_mut::<LANES>().0;
+                all.iter_mut().zip(of_channel).take(pieces).for_each(|(out, piece)| *out = *piece);
             }
+            weights.used[at / LANES..(at + used_words).div_ceil(LANES)].fill(true);
         }
         weights
     }
+}
+
+/// Returns the weights of the low and the high halves of a channel's words.
+fn channel_weights(t: &Texel) -> [[[f32; LANES]; MAX_CHANNEL_WORDS.div_ceil(LANES)]; 2] {
+    let mut halves = [[[0.0f32; LANES]; MAX_CHANNEL_WORDS.div_ceil(LANES)]; 2];
+    let [low, high] = halves.each_mut().map(|half| half.as_flattened_mut());
+    low[0] = 1.0;
+    let first = t.field(block::CODES) + t.texel * t.field(block::CODE_WORDS);
+    let codes = &t.words[first..first + (t.bases - 1).div_ceil(4)];
+    // The code of an even component belongs to the high half of a word, that of the next one to the low half of the next.
+    let words = low[1..].as_chunks_mut::<2>().0.iter_mut().zip(high.as_chunks_mut::<2>().0);
+    for (word, (low, high)) in codes.iter().zip(words) {
+        let weights = [0, 8, 16, 24].map(|shift| coefficient_from_byte(word >> shift & 0xff));
+        (high[0], low[0], high[1], low[1]) = (weights[0], weights[1], weights[2], weights[3]);
+    }
+    // Components that are left out.
+    for index in t.bases..(t.bases - 1).next_multiple_of(4) + 1 {
+        [&mut *low, &mut *high][index % 2][index / 2] = 0.0;
+    }
+    halves
 }
 
 /// Returns the sum of `shares` times the residual, RGB. Each share has the first word of its pair's bases and the
@@ -68,7 +101,8 @@ pub(crate) fn residual_sum<S: Simd, const BLOCKS: usize>(
     let mut sums = [[0.0; LANES]; BLOCKS];
     for (number, sums) in sums.iter_mut().enumerate().filter(|(number, _)| used[*number]) {
         for (share, first, weights) in pairs {
-            add_block(simd, bases, first + number * LANES, *share, &weights.blocks[number], sums);
+            let halves = [&weights.halves[0][number], &weights.halves[1][number]];
+            add_block(simd, bases, first + number * LANES, *share, halves, sums);
         }
     }
     for (c, sum) in rgb.iter_mut().enumerate() {
@@ -84,11 +118,11 @@ fn add_block<S: Simd>(
     bases: Bases,
     first: usize,
     share: f32,
-    weights: &[[f32; LANES]; 2],
+    weights: [&[f32; LANES]; 2],
     sums: &mut [f32; LANES],
 ) {
     let share = simd.splat_f32s(share);
-    let [(low_weights, _), (high_weights, _)] = [S::as_simd_f32s(&weights[0]), S::as_simd_f32s(&weights[1])];
+    let [(low_weights, _), (high_weights, _)] = weights.map(|weights| S::as_simd_f32s(weights));
     let (sums, _) = S::as_mut_simd_f32s(sums);
     match bases {
         Bases::Halves(words) => {

@@ -7,12 +7,15 @@ use crate::decode::options::DecodeOptions;
 use crate::numeric::quantize::{coefficient_from_byte, weight_from_byte};
 use crate::resident::layout::{ASSET_LAYERS, block};
 use crate::resident::packed_part::{PackedBasis, PackedPart, packed_bits};
+use crate::resident::packed_table::PackedTable;
 use crate::resident::resident::Resident;
 
 /// The record of a texel, with the limits of the options applied.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Texel<'a> {
     pub words: &'a [u32],
+    /// Places of packed numbers, where the bases are packed.
+    pub table: Option<&'a PackedTable>,
     /// First word of the layer's block.
     pub layer: usize,
     pub texel: usize,
@@ -28,7 +31,8 @@ pub(crate) struct Texel<'a> {
 impl<'a> Texel<'a> {
     pub(crate) fn new(resident: &'a Resident, layer: u32, texel: u32, options: &DecodeOptions) -> Texel<'a> {
         let words = resident.words();
-        Texel::of_words(words, words[ASSET_LAYERS + layer as usize] as usize, texel, options)
+        let table = resident.is_packed(layer).then(|| resident.packed_table(layer));
+        Texel::of_words(words, words[ASSET_LAYERS + layer as usize] as usize, table, texel, options)
     }
 
     /// Returns the first word of a texel's record, and of its codes.
@@ -41,13 +45,20 @@ impl<'a> Texel<'a> {
 
     /// Returns another texel of the same layer.
     pub(crate) fn at(&self, texel: u32, options: &DecodeOptions) -> Texel<'a> {
-        Texel::of_words(self.words, self.layer, texel, options)
+        Texel::of_words(self.words, self.layer, self.table, texel, options)
     }
 
-    fn of_words(words: &'a [u32], layer: usize, texel: u32, options: &DecodeOptions) -> Texel<'a> {
+    fn of_words(
+        words: &'a [u32],
+        layer: usize,
+        table: Option<&'a PackedTable>,
+        texel: u32,
+        options: &DecodeOptions,
+    ) -> Texel<'a> {
         let record = words[layer + block::RECORDS] as usize + 2 * texel as usize;
         Texel {
             words,
+            table,
             layer,
             texel: texel as usize,
             cluster: (words[record] & 0xff) as usize,

@@ -12,10 +12,10 @@ use crate::asset::lobe::{LobeSetup, ResidentLobe};
 use crate::asset::residual::ResidualKind;
 use crate::asset::sphere::{Neighbours, direction, locate, within_hull};
 use crate::decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
-use crate::decode::packed_sum::packed_sum;
+use crate::decode::packed_sum::{MAX_PAIRS, packed_sum};
 use crate::decode::parallax::SeenBy;
 use crate::decode::relief::{OwnLight, ReliefTerms, SeenRelief};
-use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, LANES, MAX_BLOCKS, residual_sum};
+use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, MAX_BLOCKS, fit_blocks, residual_sum};
 use crate::decode::texel::Texel;
 use crate::resident::layout::block;
 use crate::resident::resident::Resident;
@@ -24,8 +24,8 @@ use pulp::{Arch, Simd, WithSimd};
 
 /// Largest value that a tint multiplies, so that a finite value stays finite.
 const MAX_EDITED: f32 = 1e37;
-/// Number of packed rows that are summed together: three views times three lights, in whole vectors.
-const ROWS_TOGETHER: usize = 16;
+/// Words of a cache line.
+const CACHE_LINE_WORDS: usize = 16;
 /// Number of rows that [`LightRows`] keeps. A measured light has one place: its number modulo this.
 pub const LIGHT_ROWS: usize = 32;
 
@@ -92,6 +92,15 @@ impl Lit {
     pub(crate) fn toward(&self) -> [f32; 3] {
         self.toward
     }
+}
+
+/// A value by the fast rule whose lobes and residual are still apart: [`ResidualKind::combine`] makes them one.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Parts {
+    pub lobes: [f32; 3],
+    pub residual: [f32; 3],
+    /// Fall of the combined value beyond the measured lights, and what is multiplied with the value after that.
+    pub falls: [f32; 2],
 }
 
 /// A texel seen from one outgoing direction.
@@ -266,7 +275,7 @@ impl<'a> ViewedTexel<'a> {
             return self.packed_residual(lights, of_lights, of_views);
         }
         let sum = Residual { viewed: self, lights, of_lights, of_views };
-        match 3 * self.t.field(block::CHANNEL_WORDS) <= FEW_BLOCKS * LANES {
+        match fit_blocks(self.t.field(block::CHANNEL_WORDS), FEW_BLOCKS) {
             true => Arch::new().dispatch(InBlocks::<'_, '_, FEW_BLOCKS>(sum)),
             false => Arch::new().dispatch(InBlocks::<'_, '_, MAX_BLOCKS>(sum)),
         }
@@ -276,9 +285,7 @@ impl<'a> ViewedTexel<'a> {
     fn packed_residual(&self, lights: [u32; 3], of_lights: [f32; 3], of_views: [f32; 3]) -> [f32; 3] {
         let row = |v: usize, l: usize| self.shown_by(v).packed_row(self.views[v], lights[l]);
         if self.shifted.is_none() {
-            let mut shares = [0.0; ROWS_TOGETHER];
-            let mut rows = [row(0, 0); ROWS_TOGETHER];
-            let mut count = 0;
+            let (mut shares, mut rows, mut count) = ([0.0; MAX_PAIRS], [0; MAX_PAIRS], 0);
             for (v, l) in (0..3).flat_map(|v| (0..3).map(move |l| (v, l))) {
                 let share = of_views[v] * of_lights[l];
                 if share > 0.0 {
@@ -286,20 +293,12 @@ impl<'a> ViewedTexel<'a> {
                     count += 1;
                 }
             }
-            return match count {
-                0 => [0.0; 3],
-                1..=4 => {
-                    let few = |i: usize| (shares[i], rows[i]);
-                    let few = [few(0), few(1), few(2), few(3)];
-                    packed_sum(&self.t, few.map(|(share, _)| share), few.map(|(_, row)| row))
-                }
-                _ => packed_sum(&self.t, shares, rows),
-            };
+            return packed_sum(&self.t, &shares[..count], &rows[..count]);
         }
         let mut sum = [0.0; 3];
         for v in (0..3).filter(|v| of_views[*v] > 0.0) {
             let shares = [0, 1, 2].map(|l| of_views[v] * of_lights[l]);
-            let of_view = packed_sum(self.shown_by(v), shares, [0, 1, 2].map(|l| row(v, l)));
+            let of_view = packed_sum(self.shown_by(v), &shares, &[0, 1, 2].map(|l| row(v, l)));
             (0..3).for_each(|c| sum[c] += of_view[c]);
         }
         sum
@@ -362,7 +361,7 @@ impl<'a> ViewedTexel<'a> {
     }
 
     /// Calls `take` with the words that [`ViewedTexel::value`] will read far from each other, for prefetching: the
-    /// first of the texel's lobes, and the first of each pair of a measured view and light.
+    /// first of the texel's lobes, and a word of each cache line of each pair of a measured view and light.
     pub(crate) fn ahead(&self, lit: &Lit, mut take: impl FnMut(usize)) {
         if self.asks_lobes() {
             take(self.t.first_lobe());
@@ -370,13 +369,15 @@ impl<'a> ViewedTexel<'a> {
         let Some(light) = &lit.place else { return };
         for (view, _) in self.views.iter().zip(self.weights).filter(|(_, weight)| *weight > 0.0) {
             for (light, _) in light.ids.iter().zip(light.weights).filter(|(_, weight)| *weight > 0.0) {
-                if self.t.is_packed() {
-                    take(self.t.packed_row(*view, *light));
-                    continue;
-                }
-                let first = self.t.field(block::BASIS) + self.t.bases_at(*view, *light);
-                take(first);
-                take(first + 3 * self.t.field(block::CHANNEL_WORDS) - 1);
+                let (first, length) = match self.t.is_packed() {
+                    true => (self.t.packed_row(*view, *light), self.t.packed().row_words(self.t.cluster)),
+                    false => {
+                        let first = self.t.field(block::BASIS) + self.t.bases_at(*view, *light);
+                        (first, 3 * self.t.field(block::CHANNEL_WORDS))
+                    }
+                };
+                let row = first..first + length;
+                row.clone().step_by(CACHE_LINE_WORDS).chain(row.last()).for_each(&mut take);
             }
         }
     }
@@ -389,7 +390,6 @@ impl<'a> ViewedTexel<'a> {
         lobe: &mut impl FnMut(&ResidentLobe) -> f32,
     ) -> [f32; 3] {
         let t = &self.t;
-        let fade = (lit.wi[2] / t.float(block::HORIZON)).min(1.0);
         let here = if self.asks_lobes() { self.lobe_sum(0, lobe) } else { [0.0; 3] };
         let mut value = match &lit.place {
             None => here.map(|x| x.max(0.0)),
@@ -398,8 +398,28 @@ impl<'a> ViewedTexel<'a> {
         if t.edit > 0 {
             value = self.edited(value, here, self.lobe_sum(t.edit, lobe));
         }
-        let falling = lit.place.as_ref().filter(|_| self.falls_at_last()).map_or(1.0, |place| place.beyond);
-        value.map(|x| x * (fade * falling))
+        let fall = self.last_fall(lit);
+        value.map(|x| x * fall)
+    }
+
+    /// Returns the factor of the value that comes after all else: its fade to the horizon, and beyond the lights' hull.
+    fn last_fall(&self, lit: &Lit) -> f32 {
+        let fade = (lit.wi[2] / self.t.float(block::HORIZON)).min(1.0);
+        fade * lit.place.as_ref().filter(|_| self.falls_at_last()).map_or(1.0, |place| place.beyond)
+    }
+
+    /// Returns the parts of the value for `lit` alone; `None` where [`ViewedTexel::value`] does more than to combine them,
+    /// and has to be asked. `lobe` evaluates one lobe.
+    pub(crate) fn parts(&self, lit: &Lit, lobe: &mut impl FnMut(&ResidentLobe) -> f32) -> Option<Parts> {
+        let light = lit.place.as_ref().filter(|_| !self.exact && self.t.edit == 0)?;
+        let here = if self.asks_lobes() { self.lobe_sum(0, lobe) } else { [0.0; 3] };
+        let parts = self.parts_of(here, self.residual_alone(light, lit), light.beyond);
+        Some(Parts { falls: [parts.falls[0], self.last_fall(lit)], ..parts })
+    }
+
+    /// Returns the curve in which a value's parts are combined.
+    pub(crate) fn curve(&self) -> (ResidualKind, f32) {
+        (self.kind, self.t.float(block::EPSILON))
     }
 
     /// Applies the texel's edit to a measured value, given the measured lobe sum `here` and the edited one; the
@@ -418,14 +438,27 @@ impl<'a> ViewedTexel<'a> {
     /// Combines the lobes `here` with the interpolated residual by the fast rule. Outside the lights' hull the decoded
     /// value falls with the light's cosine: at last, or here where lobes only guide; the residual does for an old base.
     fn combined(&self, here: [f32; 3], residual: [f32; 3], beyond: f32) -> [f32; 3] {
-        let (base, scaled, falling) = match self.role {
+        let Parts { lobes, residual, falls } = self.parts_of(here, residual, beyond);
+        self.kind.combine_rgb(lobes, residual, self.t.float(block::EPSILON)).map(|x| x * falls[0])
+    }
+
+    /// Returns the parts that [`ViewedTexel::combined`] combines.
+    fn parts_of(&self, here: [f32; 3], residual: [f32; 3], beyond: f32) -> Parts {
+        let (lobes, scaled, falling) = match self.role {
             LobeRole::OldBase => (here, beyond, 1.0),
             LobeRole::Guide => ([0.0; 3], 1.0, beyond),
             LobeRole::Base => (here, 1.0, 1.0),
         };
         let scale = self.kind.scale_beyond(scaled);
-        let value = self.kind.combine_rgb(base, residual.map(|r| scale * r), self.t.float(block::EPSILON));
-        value.map(|x| x * falling)
+        Parts { lobes, residual: residual.map(|r| scale * r), falls: [falling, 1.0] }
+    }
+
+    /// Returns the interpolated residual by the fast rule for `lit` alone between the measured `light`s.
+    fn residual_alone(&self, light: &Neighbours, lit: &Lit) -> [f32; 3] {
+        match &self.relief {
+            Some(relief) => self.relieved(relief, None, light, lit),
+            None => self.residual(light.ids, light.weights, self.weights),
+        }
     }
 
     /// Returns the interpolated residual with the terms of relief by the fast rule, for `lit` between the measured `light`s.
@@ -465,11 +498,11 @@ impl<'a> ViewedTexel<'a> {
     /// the lobes, where they are needed.
     fn measured(&self, rows: Option<&mut LightRows>, light: &Neighbours, lit: &Lit, here: [f32; 3]) -> [f32; 3] {
         let epsilon = self.t.float(block::EPSILON);
+        if rows.is_none() && !self.exact {
+            return self.combined(here, self.residual_alone(light, lit), light.beyond);
+        }
         if let Some(relief) = &self.relief {
             return self.combined(here, self.relieved(relief, rows, light, lit), light.beyond);
-        }
-        if rows.is_none() && !self.exact {
-            return self.combined(here, self.residual(light.ids, light.weights, self.weights), light.beyond);
         }
         let wanted = light.weights.map(|weight| weight > 0.0);
         let found = match rows {

@@ -8,6 +8,7 @@ pub(crate) mod expansion_input;
 pub(crate) mod layout;
 pub(crate) mod packed_bases;
 pub(crate) mod packed_part;
+pub(crate) mod packed_table;
 pub(crate) mod packed_widths;
 pub(crate) mod relief_records;
 pub(crate) mod resident;

@@ -102,6 +102,11 @@ impl<'a> PackedPart<'a> {
         self.at + rows + pair * length
     }
 
+    /// Returns the number of words of a row of `cluster`.
+    pub(crate) fn row_words(&self, cluster: usize) -> usize {
+        self.place(cluster)[1]
+    }
+
     /// Returns the number of words of the codes of a texel of `cluster`.
     pub(crate) fn code_words(&self, cluster: usize) -> usize {
         self.place(cluster)[2]
@@ -157,6 +162,13 @@ pub(crate) fn packed_bits(words: &[u32], bit: u32, width: u32) -> i32 {
         bits |= words[word + 1] << (WORD_BITS - first);
     }
     (bits << (WORD_BITS - width)) as i32 >> (WORD_BITS - width)
+}
+
+/// Returns the number of the lowest `width` bits, 0 for none.
+#[inline(always)]
+pub(crate) fn packed_signed(bits: u32, width: u32) -> i32 {
+    let sign = 1 << width >> 1;
+    ((bits & ((1 << width) - 1)) ^ sign) as i32 - sign as i32
 }
 
 #[cfg(test)]

@@ -6,8 +6,9 @@ use crate::asset::asset::SurfaceSide;
 use crate::asset::relief::Relief;
 use crate::asset::sphere::direction;
 use crate::resident::layout::{ASSET_LAYERS, LAYER_BLOCK_WORDS, block, level_size};
+use crate::resident::packed_table::PackedTable;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Bytes that the caller keeps, such as a mapped file.
 pub type ResidentBytes = Arc<dyn AsRef<[u8]> + Send + Sync>;
@@ -24,6 +25,8 @@ enum Words {
 #[derive(Clone)]
 pub struct Resident {
     words: Words,
+    /// Tables of the layers, made when packed bases are read for the first time.
+    packed: OnceLock<Vec<PackedTable>>,
 }
 
 impl PartialEq for Resident {
@@ -42,7 +45,7 @@ impl std::fmt::Debug for Resident {
 impl Resident {
     /// Takes words that are laid out as [`Resident::from_asset`] does it.
     pub(crate) fn from_own_words(words: Vec<u32>) -> Resident {
-        Resident { words: Words::Own(words) }
+        Resident { words: Words::Own(words), packed: OnceLock::new() }
     }
 
     /// Returns the words to be changed; those of a shared file are copied first.
@@ -106,7 +109,7 @@ impl Resident {
             Ok(_) => Words::Shared(bytes, place),
             Err(_) => Words::Own(there.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()),
         };
-        Resident { words }
+        Resident { words, packed: OnceLock::new() }
     }
 
     /// Returns the number of texels in a row of the finest level.
@@ -138,6 +141,11 @@ impl Resident {
     /// Returns whether the bases of `layer` are packed ([`Resident::packed_on`]).
     pub fn is_packed(&self, layer: u32) -> bool {
         self.field(layer, block::BASES) > 0 && self.field(layer, block::CHANNEL_WORDS) == 0
+    }
+
+    /// Returns where the numbers of the packed bases of `layer` stand.
+    pub(crate) fn packed_table(&self, layer: u32) -> &PackedTable {
+        &self.packed.get_or_init(|| PackedTable::of_layers(self.words()))[layer as usize]
     }
 
     /// Returns the number of the lobes' role in `layer`, see [`crate::LobeRole`].
