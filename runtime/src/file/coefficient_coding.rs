@@ -41,6 +41,12 @@ const MAX_CODE: f32 = 127.0;
 const MAX_OPERATIONS_PER_BYTE: u64 = 1 << 18;
 const MAX_NUMBERS_PER_BYTE: u64 = 1 << 10;
 
+/// Numbers of a vector; rows are padded with zeros to whole ones.
+const LANES: usize = 16;
+type Vector = [f32; LANES];
+/// Vectors of a row that are kept in registers while rows are added up.
+const TOGETHER: usize = 5;
+
 /// Neighbours of a texel, in the order of a group's inputs, as columns and rows: left, above, above left, above right.
 const NEIGHBOURS: [[isize; 2]; 4] = [[-1, 0], [0, -1], [-1, -1], [1, -1]];
 
@@ -215,21 +221,21 @@ impl Differences {
 /// What is known of a cluster, and what has been learnt from its texels so far.
 struct Cluster {
     /// Mean as a mixture of the shared bases.
-    mean: Vec<f32>,
+    mean: Vec<Vector>,
     /// Components as mixtures of the shared bases, in order.
-    components: Vec<Vec<f32>>,
+    components: Vec<Vector>,
     /// Codes of the first components per coordinate, `[coordinate][component]`.
-    codes: Vec<f32>,
+    codes: Vec<Vector>,
     /// Whether the cluster has the components of the group: it lacks those whose mixture is 0.
     has: Vec<bool>,
     /// Inverse of the inputs' products, `[input][input]`, but for the last texel.
-    inverse: Vec<f32>,
+    inverse: Vec<Vector>,
     /// Product of the inverse and the last texel's inputs, and 1 and its product with these inputs; 0 where there is
     /// nothing to be learnt.
-    gain: Vec<f32>,
+    gain: Vec<Vector>,
     along: f32,
     /// Weights, `[input][component]`.
-    weights: Vec<f32>,
+    weights: Vec<Vector>,
     /// Mean size of the components' errors.
     sizes: Vec<f32>,
     /// Number of texels that they are averaged over.
@@ -241,29 +247,32 @@ impl Cluster {
         let (inputs, count, shared) = (group.input_count(), components.len(), frame.shared());
         let mixtures: Vec<Vec<f32>> = (1..=components.end).map(|j| frame.mixture(number, j)).collect();
         let widest = usize::from(group.inputs.into_iter().max().unwrap_or(0));
-        let mut codes = vec![0.0f32; shared * widest];
+        let mut codes = zeros(shared, widest);
         for (j, (mixture, step)) in mixtures.iter().zip(frame.steps).enumerate().take(widest) {
             if *step > 0.0 {
-                mixture.iter().enumerate().for_each(|(r, x)| codes[r * widest + j] = x / step);
+                let row = LANES * vectors(widest);
+                mixture.iter().enumerate().for_each(|(r, x)| codes.as_flattened_mut()[r * row + j] = x / step);
             }
         }
-        let mut weights = vec![0.0f32; inputs * count];
+        let mut weights = zeros(inputs, count);
         let [left, above] = [0, 1].map(|neighbour| usize::from(group.inputs[neighbour]));
         for (first, same) in [(0, left), (left, above)] {
             for j in components.start..components.end.min(same) {
-                weights[(first + j) * count + j - components.start] = FIRST_WEIGHT;
+                let row = LANES * vectors(count);
+                weights.as_flattened_mut()[(first + j) * row + j - components.start] = FIRST_WEIGHT;
             }
         }
-        let mut inverse = vec![0.0f32; inputs * inputs];
-        (0..inputs).for_each(|i| inverse[i * inputs + i] = 1.0 / RIDGE);
+        let mut inverse = zeros(inputs, inputs);
+        let row = LANES * vectors(inputs);
+        (0..inputs).for_each(|i| inverse.as_flattened_mut()[i * row + i] = 1.0 / RIDGE);
         let has = mixtures[components.clone()].iter().map(|mixture| mixture.iter().any(|x| *x != 0.0)).collect();
         Cluster {
-            mean: frame.mixture(number, 0),
-            components: mixtures,
+            mean: padded(&frame.mixture(number, 0)),
+            components: mixtures.iter().flat_map(|mixture| padded(mixture)).collect(),
             codes,
             has,
             inverse,
-            gain: vec![0.0; inputs],
+            gain: zeros(1, inputs),
             along: 0.0,
             weights,
             sizes: vec![FIRST_SIZE; count],
@@ -271,32 +280,136 @@ impl Cluster {
         }
     }
 
-    /// Learns from the errors of the last predictions, which came from `inputs`. `gain` is scratch.
+    /// Learns from the errors of the last predictions, which came from `inputs`. `gain` and `factors` are scratch.
     #[inline(always)]
-    fn learn(&mut self, inputs: &[f32], error: &[f32], gain: &mut [f32]) {
+    fn learn<S: Simd>(
+        &mut self,
+        simd: S,
+        inputs: &[f32],
+        error: &[Vector],
+        gain: &mut [Vector],
+        factors: &mut [Vector],
+    ) {
         if inputs.is_empty() {
             return;
         }
         // The inverse after the texel before this one, and its product with the inputs: one pass through memory.
-        gain.fill(0.0);
-        let rows = self.inverse.chunks_exact_mut(inputs.len());
-        if self.along > 0.0 {
-            for ((x, before), row) in inputs.iter().zip(&self.gain).zip(rows) {
-                add_scaled(row, -(before / self.along), &self.gain);
-                add_scaled(gain, *x, row);
-            }
-        } else {
-            inputs.iter().zip(rows).for_each(|(x, row)| add_scaled(gain, *x, row));
-        }
-        let along = inputs.iter().zip(&*gain).fold(1.0f32, |sum, (x, g)| sum + x * g);
+        divided(factors, &self.gain, self.along);
+        let factors = factors.as_flattened_mut();
+        let learnt = (self.along > 0.0).then_some((&*factors, &*self.gain));
+        gain.fill([0.0; LANES]);
+        add_rows(simd, (&mut self.inverse, gain.len()), inputs, learnt, gain);
+        let along = inputs.iter().zip(gain.as_flattened()).fold(1.0f32, |sum, (x, g)| sum + x * g);
         // Less than 1 is rounding, or numbers of a hostile file.
         self.along = if along >= 1.0 && along.is_finite() { along } else { 0.0 };
         if self.along > 0.0 {
             self.gain.copy_from_slice(gain);
-            for (g, weights) in gain.iter().zip(self.weights.chunks_exact_mut(error.len())) {
-                add_scaled(weights, g / along, error);
+            inputs.iter().zip(gain.as_flattened()).zip(&mut *factors).for_each(|((_, g), factor)| *factor = g / along);
+            for (factor, weights) in factors.iter().zip(self.weights.chunks_exact_mut(error.len())) {
+                add_scaled(simd, weights, *factor, error);
             }
         }
+    }
+}
+
+/// Returns the number of vectors that hold `numbers` numbers.
+fn vectors(numbers: usize) -> usize {
+    numbers.div_ceil(LANES)
+}
+
+/// Returns rows of zeros, padded to whole vectors.
+fn zeros(rows: usize, numbers: usize) -> Vec<Vector> {
+    vec![[0.0; LANES]; rows * vectors(numbers)]
+}
+
+/// Returns numbers in whole vectors.
+fn padded(numbers: &[f32]) -> Vec<Vector> {
+    let mut row = zeros(1, numbers.len());
+    row.as_flattened_mut()[..numbers.len()].copy_from_slice(numbers);
+    row
+}
+
+/// Sets `factors` to what of `gain` each row of an inverse loses: -gain / along.
+#[inline(always)]
+fn divided(factors: &mut [Vector], gain: &[Vector], along: f32) {
+    for (factors, gain) in factors.iter_mut().zip(gain) {
+        factors.iter_mut().zip(gain).for_each(|(factor, g)| *factor = -(g / along));
+    }
+}
+
+/// Adds rows of `length` vectors times their inputs to `out`, which may be shorter. Where there is something to be learnt,
+/// each row gets its factor times `before` first.
+#[inline(always)]
+fn add_rows<S: Simd>(
+    simd: S,
+    (rows, length): (&mut [Vector], usize),
+    inputs: &[f32],
+    learnt: Option<(&[f32], &[Vector])>,
+    out: &mut [Vector],
+) {
+    let (rows, out) = (S::as_mut_simd_f32s(rows.as_flattened_mut()).0, S::as_mut_simd_f32s(out.as_flattened_mut()).0);
+    let learnt = learnt.map(|(factors, before)| (factors, S::as_simd_f32s(before.as_flattened()).0));
+    let stride = length * LANES / S::F32_LANES;
+    for first in (0..out.len()).step_by(TOGETHER) {
+        let out = &mut out[first..];
+        // Without inputs there are no rows.
+        let rows = rows.get_mut(first..).unwrap_or_default();
+        let learnt = learnt.map(|(factors, before)| (factors, &before[first..]));
+        match out.len() {
+            1 => add_columns::<S, 1>(simd, rows, stride, inputs, learnt, out),
+            2 => add_columns::<S, 2>(simd, rows, stride, inputs, learnt, out),
+            3 => add_columns::<S, 3>(simd, rows, stride, inputs, learnt, out),
+            4 => add_columns::<S, 4>(simd, rows, stride, inputs, learnt, out),
+            _ => add_columns::<S, TOGETHER>(simd, rows, stride, inputs, learnt, out),
+        }
+    }
+}
+
+/// Does the work of [`add_rows`] for the first `N` vectors of rows that lie `stride` vectors apart: their sums stay in
+/// registers.
+#[inline(always)]
+fn add_columns<S: Simd, const N: usize>(
+    simd: S,
+    rows: &mut [S::f32s],
+    stride: usize,
+    inputs: &[f32],
+    learnt: Option<(&[f32], &[S::f32s])>,
+    out: &mut [S::f32s],
+) {
+    let Some(out) = out.first_chunk_mut::<N>() else { return };
+    let mut sums = *out;
+    let rows = rows.chunks_mut(stride).zip(inputs);
+    match learnt.and_then(|(factors, before)| Some((factors, *before.first_chunk::<N>()?))) {
+        Some((factors, before)) => {
+            for ((row, x), factor) in rows.zip(factors) {
+                let Some(row) = row.first_chunk_mut::<N>() else { return };
+                let (x, factor) = (simd.splat_f32s(*x), simd.splat_f32s(*factor));
+                for n in 0..N {
+                    row[n] = simd.add_f32s(row[n], simd.mul_f32s(factor, before[n]));
+                    sums[n] = simd.add_f32s(sums[n], simd.mul_f32s(x, row[n]));
+                }
+            }
+        }
+        None => {
+            for (row, x) in rows {
+                let Some(row) = row.first_chunk::<N>() else { return };
+                let x = simd.splat_f32s(*x);
+                for n in 0..N {
+                    sums[n] = simd.add_f32s(sums[n], simd.mul_f32s(x, row[n]));
+                }
+            }
+        }
+    }
+    *out = sums;
+}
+
+/// Adds `factor` times `row` to `sums`.
+#[inline(always)]
+fn add_scaled<S: Simd>(simd: S, sums: &mut [Vector], factor: f32, row: &[Vector]) {
+    let factor = simd.splat_f32s(factor);
+    let sums = S::as_mut_simd_f32s(sums.as_flattened_mut()).0;
+    for (sum, x) in sums.iter_mut().zip(S::as_simd_f32s(row.as_flattened()).0) {
+        *sum = simd.add_f32s(*sum, simd.mul_f32s(factor, *x));
     }
 }
 
@@ -326,21 +439,15 @@ impl<B: BinaryCoder, C: Choice> WithSimd for Coding<'_, '_, B, C> {
     type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> bool {
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
         let texels = self.frame.texel_clusters.len();
         let mut rows = Rows::new(self.frame, self.group, self.first);
         let mut fits = true;
         for texel in 0..texels {
-            fits &= rows.code(self.coder, self.choice, self.codes, texel);
+            fits &= rows.code(simd, self.coder, self.choice, self.codes, texel);
         }
         fits
     }
-}
-
-/// Adds `factor` times `row` to `sums`.
-#[inline(always)]
-fn add_scaled(sums: &mut [f32], factor: f32, row: &[f32]) {
-    sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
 }
 
 /// The state of coding between two texels: what is kept of this row and of the one above, and the models.
@@ -352,14 +459,21 @@ struct Rows<'a, 'b> {
     models: Differences,
     /// Values of the texels of the row above and of this one in coordinates, `[column][coordinate]`; only of those that
     /// a neighbour of another cluster asks for.
-    values: [Vec<f32>; 2],
+    values: [Vec<Vector>; 2],
     /// Sizes of the errors of the row above and of this one, `[1 + column][component]`.
     sizes: [Vec<f32>; 2],
     /// Inputs, predictions and errors of the texel, and scratch of learning.
     inputs: Vec<f32>,
-    predicted: Vec<f32>,
-    error: Vec<f32>,
-    gain: Vec<f32>,
+    predicted: Vec<Vector>,
+    error: Vec<Vector>,
+    gain: Vec<Vector>,
+    factors: Vec<Vector>,
+    /// Codes that a neighbour of another cluster would have.
+    there: Vec<Vector>,
+    /// Its value less the mean, in coordinates.
+    off: Vec<Vector>,
+    /// Coefficients of a texel.
+    coefficients: Vec<f32>,
 }
 
 impl<'a, 'b> Rows<'a, 'b> {
@@ -371,19 +485,24 @@ impl<'a, 'b> Rows<'a, 'b> {
             components: first..first + count,
             clusters: (0..frame.clusters()).map(|_| None).collect(),
             models: Differences::new(),
-            values: [0, 1].map(|_| vec![0.0; frame.width * frame.shared()]),
+            values: [0, 1].map(|_| zeros(frame.width, frame.shared())),
             sizes: [0, 1].map(|_| vec![0.0; (1 + frame.width) * count]),
             inputs: vec![0.0; inputs],
-            predicted: vec![0.0; count],
-            error: vec![0.0; count],
-            gain: vec![0.0; inputs],
+            predicted: zeros(1, count),
+            error: zeros(1, count),
+            gain: zeros(1, inputs),
+            factors: zeros(1, inputs),
+            off: zeros(1, frame.shared()),
+            coefficients: vec![0.0; first + count],
+            there: zeros(1, group.inputs.into_iter().max().unwrap_or(0).into()),
         }
     }
 
     /// Codes a texel. Returns false where a decoder met a number that is no code.
     #[inline(always)]
-    fn code<C: Choice>(
+    fn code<S: Simd, C: Choice>(
         &mut self,
+        simd: S,
         coder: &mut impl BinaryCoder,
         choice: &mut C,
         codes: &mut [i8],
@@ -398,14 +517,13 @@ impl<'a, 'b> Rows<'a, 'b> {
         let mut cluster = self.clusters[number]
             .take()
             .unwrap_or_else(|| Box::new(Cluster::new(self.frame, self.group, &self.components, number)));
-        self.take_inputs(&cluster, codes, texel);
-        self.predicted.fill(0.0);
-        for (x, row) in self.inputs.iter().zip(cluster.weights.chunks_exact(self.predicted.len())) {
-            add_scaled(&mut self.predicted, *x, row);
-        }
+        self.take_inputs(simd, &mut cluster, codes, texel);
+        self.predicted.fill([0.0; LANES]);
+        let length = self.predicted.len();
+        add_rows(simd, (&mut cluster.weights, length), &self.inputs, None, &mut self.predicted);
         let fits = self.code_components(coder, choice, &mut cluster, codes, texel);
-        self.keep_value(&cluster, codes, texel);
-        cluster.learn(&self.inputs, &self.error, &mut self.gain);
+        self.keep_value(simd, &mut cluster, codes, texel);
+        cluster.learn(simd, &self.inputs, &self.error, &mut self.gain, &mut self.factors);
         self.clusters[number] = Some(cluster);
         fits
     }
@@ -413,11 +531,11 @@ impl<'a, 'b> Rows<'a, 'b> {
     /// Sets the inputs of a texel: the codes of each neighbour's first components, or what they would be in the texel's
     /// cluster, and its own codes of earlier groups.
     #[inline(always)]
-    fn take_inputs(&mut self, cluster: &Cluster, codes: &[i8], texel: usize) {
+    fn take_inputs<S: Simd>(&mut self, simd: S, cluster: &mut Cluster, codes: &[i8], texel: usize) {
         let (width, all) = (self.frame.width, self.frame.components);
         let (row, column) = (texel / width, texel % width);
-        let shared = self.frame.shared();
-        let widest = usize::from(self.group.inputs.into_iter().max().unwrap_or(0));
+        let shared = vectors(self.frame.shared());
+        let widest = self.there.len();
         let mut rest = &mut self.inputs[..];
         for ([right, down], count) in NEIGHBOURS.into_iter().zip(self.group.inputs) {
             let (inputs, others) = rest.split_at_mut(usize::from(count));
@@ -433,11 +551,13 @@ impl<'a, 'b> Rows<'a, 'b> {
                 inputs.iter_mut().zip(codes).for_each(|(x, code)| *x = f32::from(*code));
             } else {
                 let value = &self.values[if down < 0 { 0 } else { 1 }][x as usize * shared..][..shared];
-                for ((value, mean), row) in
-                    value.iter().zip(&cluster.mean).zip(cluster.codes.chunks_exact(widest.max(1)))
-                {
-                    add_scaled(inputs, value - mean, row);
+                let there = &mut self.there[..vectors(inputs.len())];
+                there.fill([0.0; LANES]);
+                for ((off, value), mean) in self.off.iter_mut().zip(value).zip(&cluster.mean) {
+                    (0..LANES).for_each(|i| off[i] = value[i] - mean[i]);
                 }
+                add_rows(simd, (&mut cluster.codes, widest), self.off.as_flattened(), None, there);
+                inputs.copy_from_slice(&there.as_flattened()[..inputs.len()]);
             }
         }
         rest.iter_mut().zip(&codes[texel * all..]).for_each(|(x, code)| *x = f32::from(*code));
@@ -460,15 +580,16 @@ impl<'a, 'b> Rows<'a, 'b> {
         let (left, here) = here[column * count..].split_at_mut(count);
         let rate = 1.0 / (1.0 + cluster.seen);
         let (mut of_texel, mut usual, mut fits) = (STEADY, STEADY, true);
+        let (predicted, errors) = (self.predicted.as_flattened(), self.error.as_flattened_mut());
         for j in 0..count {
-            self.error[j] = 0.0;
+            errors[j] = 0.0;
             if !cluster.has[j] {
                 own[j] = 0;
                 continue;
             }
             let size = &mut cluster.sizes[j];
             let expected = OWN_SHARE * (*size * (of_texel / usual)) + NEIGHBOUR_SHARE * (left[j] + above[j]);
-            let predicted = if self.predicted[j].is_nan() { 0.0 } else { self.predicted[j].clamp(-MAX_CODE, MAX_CODE) };
+            let predicted = if predicted[j].is_nan() { 0.0 } else { predicted[j].clamp(-MAX_CODE, MAX_CODE) };
             let nearest = (predicted + 0.5).floor();
             let away = predicted - nearest;
             let contexts = Contexts {
@@ -483,8 +604,8 @@ impl<'a, 'b> Rows<'a, 'b> {
             let code = nearest + sign * models.code(coder, sign * (code - nearest), contexts);
             own[j] = code as i8;
             fits &= i32::from(own[j]) == code;
-            self.error[j] = code as f32 - predicted;
-            let error = self.error[j].abs();
+            errors[j] = code as f32 - predicted;
+            let error = errors[j].abs();
             here[j] = error;
             of_texel += error;
             usual += *size;
@@ -496,8 +617,8 @@ impl<'a, 'b> Rows<'a, 'b> {
 
     /// Keeps the value of a texel in coordinates if a later neighbour of another cluster will ask for it.
     #[inline(always)]
-    fn keep_value(&mut self, cluster: &Cluster, codes: &[i8], texel: usize) {
-        let (width, shared) = (self.frame.width, self.frame.shared());
+    fn keep_value<S: Simd>(&mut self, simd: S, cluster: &mut Cluster, codes: &[i8], texel: usize) {
+        let (width, shared) = (self.frame.width, vectors(self.frame.shared()));
         let clusters = &self.frame.texel_clusters;
         let differs = |later: usize| clusters.get(later).is_some_and(|other| *other != clusters[texel]);
         if ![texel + 1, texel + width, texel + width + 1, texel + width - 1].into_iter().any(differs) {
@@ -505,12 +626,9 @@ impl<'a, 'b> Rows<'a, 'b> {
         }
         let value = &mut self.values[1][texel % width * shared..][..shared];
         value.copy_from_slice(&cluster.mean);
-        let codes = &codes[texel * self.frame.components..];
-        for ((code, step), component) in codes.iter().zip(self.frame.steps).zip(&cluster.components) {
-            if *code != 0 {
-                add_scaled(value, f32::from(*code) * step, component);
-            }
-        }
+        let codes = codes[texel * self.frame.components..].iter().zip(self.frame.steps);
+        self.coefficients.iter_mut().zip(codes).for_each(|(x, (code, step))| *x = f32::from(*code) * step);
+        add_rows(simd, (&mut cluster.components, shared), &self.coefficients, None, value);
     }
 }
 
