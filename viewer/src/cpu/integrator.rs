@@ -90,7 +90,7 @@ impl Shader<'_> {
                 for light_back in [false, true] {
                     if let Some(viewed) = &self.viewed_body(&s, material, leaf.as_ref(), level, light_back) {
                         let relief = relief.as_ref().map(|(relief, point)| (relief, *point));
-                        let width = path.travelled * self.ray_width();
+                        let width = path.travelled * self.voxel_width();
                         let lit = LitPoint { s: &s, relief, material, viewed, light_back, width, numbers: &numbers };
                         radiance += tap.weight * path.throughput * self.direct_light(&lit, &mut done);
                     }

@@ -55,7 +55,7 @@ fn light_pass(at: vec2<u32>) {
     let material = materials[s.material];
     let level = level_of(s, material, path.travelled, numbers.seed);
     let leaf = viewed_leaf(s, material, path.instance, level);
-    let width = path.travelled * ray_width();
+    let width = path.travelled * voxel_width();
     let taps = texel_taps(material, pixel.depth);
     var tap = TexelTap(texel_numbers(s, path.travelled, whole_picture(at), pixel.depth), 1.0);
     for (var number = 0u; number < taps; number++) {

@@ -73,10 +73,15 @@ impl Shader<'_> {
         sampler::hash(seed_of(vertex, purpose).wrapping_add(self.sample))
     }
 
-    /// Returns the width of voxels at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so
-    /// many. Rays miss narrower ones, and wider ones blur (docs/results/voltex.md).
-    pub(crate) fn ray_width(&self) -> f32 {
-        self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt().min(MAX_RAYS_ACROSS)
+    /// Returns how far a pixel's rays are apart at distance 1 of the eye, of which it has had so many.
+    fn ray_width(&self) -> f32 {
+        self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt()
+    }
+
+    /// Returns the width of voxels at distance 1 of the eye: that of rays. These miss narrower ones, and wider ones blur
+    /// (docs/results/voltex.md).
+    pub(crate) fn voxel_width(&self) -> f32 {
+        self.ray_width().max(self.camera.pixel_width() / MAX_RAYS_ACROSS)
     }
 
     /// Returns the numbers by which one of the texels around a vertex is taken, `travelled` from the eye: the nearest where
@@ -90,7 +95,7 @@ impl Shader<'_> {
             return [0.5; 2];
         }
         let size = self.scene.assets[asset].head().size(0).map(|side| side as f32);
-        let texels = self.texels_of_pixel(s, material, size, travelled);
+        let texels = texels_across(s, material, size, travelled * self.camera.pixel_width());
         let part = (-texels.log2()).clamp(0.0, 1.0);
         self.two_numbers(vertex, Numbers::Texel).map(|at| 0.5 + part * (at - 0.5))
     }
@@ -168,8 +173,8 @@ impl Shader<'_> {
         (s, relief)
     }
 
-    /// Returns the level of the material's asset or leaf whose texels are about as large as what a pixel sees of the
-    /// surface, `travelled` from the eye.
+    /// Returns the level of the material's asset or leaf whose texels are about as large as what a ray stands for on the
+    /// surface, `travelled` from the eye: first all that a pixel sees, and less with every further ray of the pixel.
     pub(crate) fn level_of(&self, s: &Surface, material: &Material, travelled: f32, seed: u32) -> u32 {
         if !self.options.uses_levels() {
             return 0;
@@ -180,18 +185,10 @@ impl Shader<'_> {
             Body::Asset(asset) => self.scene.assets[asset].head().levels(),
             Body::Leaf(leaf) => self.scene.leaves[leaf].leaf.levels(),
         };
-        let texels = self.texels_of_pixel(s, material, size, travelled);
+        let texels = texels_across(s, material, size, travelled * self.ray_width());
         let part = if self.sample > 0 { sampler::one(seed ^ LEVEL_CHOICE) } else { 0.5 };
         let level = (texels.log2() + part).floor();
         (level.max(0.0) as u32).min(levels - 1)
-    }
-
-    /// Returns how many of the finest texels, `size` a picture, lie along a pixel's side on the surface, `travelled` from the
-    /// eye; 1e-6 to 1e6.
-    fn texels_of_pixel(&self, s: &Surface, material: &Material, size: [f32; 2], travelled: f32) -> f32 {
-        // Side of a square of the area that the pixel sees.
-        let width = travelled * self.camera.pixel_width() / s.wo.z.abs().sqrt();
-        (width * texels_per_unit(s, material, size)).clamp(1e-6, 1e6)
     }
 
     /// Returns the view-dependent half of the leaf that a material shows at a point, if it shows one.
@@ -235,6 +232,12 @@ impl Shader<'_> {
             Body::Leaf(_) => leaf.map(ViewedBody::Leaf),
         }
     }
+}
+
+/// Returns how many of the finest texels, `size` a picture, lie along a square of the area that a ray of `width` covers on
+/// the surface; 1e-6 to 1e6.
+fn texels_across(s: &Surface, material: &Material, size: [f32; 2], width: f32) -> f32 {
+    (width / s.wo.z.abs().sqrt() * texels_per_unit(s, material, size)).clamp(1e-6, 1e6)
 }
 
 /// Returns how many texels of a body, `size` a picture, lie on a unit of length of a surface.

@@ -36,10 +36,14 @@ fn most(v: vec3<f32>) -> f32 {
     return max(v.x, max(v.y, v.z));
 }
 
-// Returns the width of voxels at distance 1 of the eye: as far as a pixel's rays are apart, of which it has had so
-// many.
+// Returns how far a pixel's rays are apart at distance 1 of the eye, of which it has had so many.
 fn ray_width() -> f32 {
-    return frame.pixel_width / min(sqrt(f32(frame.sample + 1u)), MAX_RAYS_ACROSS);
+    return frame.pixel_width / sqrt(f32(frame.sample + 1u));
+}
+
+// Returns the width of voxels at distance 1 of the eye: that of rays, within bounds.
+fn voxel_width() -> f32 {
+    return max(ray_width(), frame.pixel_width / MAX_RAYS_ACROSS);
 }
 
 // Returns the numbers by which one of the texels around a vertex is taken, `travelled` from the eye: the nearest where
@@ -51,7 +55,7 @@ fn texel_numbers(s: Surface, travelled: f32, pixel: vec2<u32>, depth: u32) -> ve
     if !with_assets || material.asset == NO_ASSET || frame.filtered == FILTER_NEAREST || !drawn {
         return vec2<f32>(0.5);
     }
-    let texels = texels_of_pixel(s, material, btf_size(material.asset, 0u), travelled);
+    let texels = texels_across(s, material, btf_size(material.asset, 0u), travelled * frame.pixel_width);
     let part = clamp(-log2(texels), 0.0, 1.0);
     return 0.5 + part * (sampler_two(frame.sample, seed_of(pixel, depth, TEXEL_NUMBERS)) - 0.5);
 }
@@ -141,8 +145,8 @@ fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, ve
     return s;
 }
 
-// Returns the level of the material's asset or leaf whose texels are about as large as what a pixel sees of the
-// surface, `travelled` from the eye.
+// Returns the level of the material's asset or leaf whose texels are about as large as what a ray stands for on the
+// surface, `travelled` from the eye: first all that a pixel sees, and less with every further ray of the pixel.
 fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
     if frame.levels == 0u || (material.asset == NO_ASSET && material.leaf == NO_ASSET) {
         return 0u;
@@ -156,7 +160,7 @@ fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
         size = btf_size(material.asset, 0u);
         levels = btf_levels(material.asset);
     }
-    let texels = texels_of_pixel(s, material, size, travelled);
+    let texels = texels_across(s, material, size, travelled * ray_width());
     var part = 0.5;
     if frame.sample > 0u {
         part = sampler_one(seed ^ LEVEL_CHOICE);
@@ -165,13 +169,11 @@ fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
     return min(u32(max(level, 0.0)), levels - 1u);
 }
 
-// Returns how many of the finest texels, `size` a picture, lie along a pixel's side on the surface, `travelled` from the
-// eye; 1e-6 to 1e6.
-fn texels_of_pixel(s: Surface, material: Material, size: vec2<u32>, travelled: f32) -> f32 {
-    // Side of a square of the area that the pixel sees.
-    let width = travelled * frame.pixel_width * inverseSqrt(abs(s.wo.z));
+// Returns how many of the finest texels, `size` a picture, lie along a square of the area that a ray of `width` covers on
+// the surface; 1e-6 to 1e6.
+fn texels_across(s: Surface, material: Material, size: vec2<u32>, width: f32) -> f32 {
     let tiles = vec2<f32>(size) * abs(material.uv_scale);
-    return clamp(width * s.texture_per_unit * sqrt(tiles.x * tiles.y), 1e-6, 1e6);
+    return clamp(width * inverseSqrt(abs(s.wo.z)) * s.texture_per_unit * sqrt(tiles.x * tiles.y), 1e-6, 1e6);
 }
 
 // Returns the view-dependent half of the leaf that a material shows at a point; nothing that is read where it shows

@@ -100,7 +100,7 @@ impl Shader<'_> {
         vertex: PathVertex,
         done: &mut PixelHit,
     ) -> VolumeRadiance {
-        let ray_width = self.ray_width();
+        let voxel_width = self.voxel_width();
         let [sun_at, sky_at] = [Numbers::Sun, Numbers::Ambient].map(|numbers| self.two_numbers(vertex, numbers));
         let seed = self.light_seed(vertex, Numbers::VolumeLight);
         let sun = self.scene.sun.as_ref();
@@ -120,7 +120,7 @@ impl Shader<'_> {
             path.direction,
             t_max,
             &self.lod_transition,
-            |t| (path.travelled + t) * ray_width,
+            |t| (path.travelled + t) * voxel_width,
             |point| {
                 if asks_anew(near.weight) {
                     radiance += self.shadowed_light(volumes, path, sun, &mut near, done);
@@ -179,7 +179,7 @@ impl Shader<'_> {
 
     fn met_point<'a>(&self, volumes: &'a Volumes, path: &Path, point: &'a VolumePoint) -> MetPoint<'a> {
         let position = path.origin + path.direction * point.t;
-        let width = (path.travelled + point.t) * self.ray_width();
+        let width = (path.travelled + point.t) * self.voxel_width();
         MetPoint { volumes, point, direction: path.direction, position, width }
     }
 

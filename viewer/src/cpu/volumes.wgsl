@@ -174,7 +174,7 @@ fn volume_march(
             stretch = volume_next(&stretches, open, stretch);
             if stretch.volume != NO_VOLUME {
                 let t = select(0.5 * (stretch.t0 + stretch.t1), (*near).drawn.t, to_light);
-                let width = (path.travelled + t) * ray_width();
+                let width = (path.travelled + t) * voxel_width();
                 level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
                 walk = volume_walk_of(stretch);
                 continue;
