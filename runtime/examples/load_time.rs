@@ -1,7 +1,7 @@
-//! Times the opening of assets of either form on all processors, and the making of levels: `cargo run --release -p
+//! Times the opening of assets of either form and of their tiers on all processors, and the making of levels: `cargo run --release -p
 //! btf-runtime --example load_time FILE.spmm ...`. Prints the least of five runs; the file's bytes are in memory.
 
-use btf_runtime::{Asset, PackedGoal, Resident, ResidentFile, with_levels};
+use btf_runtime::{Asset, PackedGoal, Resident, ResidentFile, read_directory, with_levels};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,6 +30,17 @@ fn main() {
         } else {
             let asset = Asset::parse_on(&bytes, &threads).expect("it is an asset");
             let parse = least_ms(|| Asset::parse_on(&bytes, &threads).map(|asset| asset.width));
+            let of_tier = |end: &u32| {
+                let tier = &bytes[..*end as usize];
+                let time =
+                    least_ms(|| Asset::parse_on(tier, &threads).map(|asset| Resident::from_asset_on(&asset, &threads)));
+                format!("{time:.1} ms ({end} bytes)")
+            };
+            let tiers = read_directory(&bytes).expect("it is an asset").tiers;
+            println!(
+                "{path}: tiers parsed and expanded in {}",
+                tiers.iter().map(of_tier).collect::<Vec<_>>().join(", ")
+            );
             let expand = least_ms(|| Resident::from_asset_on(&asset, &threads));
             let pack = least_ms(|| Resident::packed_on(&asset, PackedGoal::Bytes(PACKED_BYTES), &threads));
             let levels = least_ms(|| with_levels(&asset, &threads));

@@ -12,6 +12,8 @@ pub fn btf_fit(arguments: &[&str], folder: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_btf-fit"))
         .args(arguments)
         .current_dir(folder)
+        // Without it the window system's library writes a line of its own when adapters are listed.
+        .env("XDG_RUNTIME_DIR", folder)
         .stdin(Stdio::null())
         .output()
         .expect("btf-fit starts")

@@ -169,13 +169,6 @@ fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
     return min(u32(max(level, 0.0)), levels - 1u);
 }
 
-// Returns how many of the finest texels, `size` a picture, lie along a square of the area that a ray of `width` covers on
-// the surface; 1e-6 to 1e6.
-fn texels_across(s: Surface, material: Material, size: vec2<u32>, width: f32) -> f32 {
-    let tiles = vec2<f32>(size) * abs(material.uv_scale);
-    return clamp(width * inverseSqrt(abs(s.wo.z)) * s.texture_per_unit * sqrt(tiles.x * tiles.y), 1e-6, 1e6);
-}
-
 // Returns the view-dependent half of the leaf that a material shows at a point; nothing that is read where it shows
 // none.
 fn viewed_leaf(s: Surface, material: Material, instance: u32, level: u32) -> ViewedLeaf {
@@ -184,4 +177,11 @@ fn viewed_leaf(s: Surface, material: Material, instance: u32, level: u32) -> Vie
         leaf = leaf_new(material.leaf, s.uv * material.uv_scale, level, instances[instance & ~SCATTERED].factors, s.wo);
     }
     return leaf;
+}
+
+// Returns how many of the finest texels, `size` a picture, lie along a square of the area that a ray of `width` covers on
+// the surface; 1e-6 to 1e6.
+fn texels_across(s: Surface, material: Material, size: vec2<u32>, width: f32) -> f32 {
+    let tiles = vec2<f32>(size) * abs(material.uv_scale);
+    return clamp(width * inverseSqrt(abs(s.wo.z)) * s.texture_per_unit * sqrt(tiles.x * tiles.y), 1e-6, 1e6);
 }
