@@ -62,3 +62,29 @@ impl WithSimd for Combine<'_> {
         kind.decode_slice(sums, epsilon);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Random;
+
+    #[test]
+    fn values_are_those_of_parts_combined_one_by_one_bit_for_bit() {
+        let (mut random, mut queue) = (Random::new(3), PartQueue::default());
+        for round in 1..40 {
+            let mut values = vec![[f32::NAN; 3]; round];
+            let mut expected = values.clone();
+            for index in (0..round).rev() {
+                let kind = [ResidualKind::Additive, ResidualKind::Log, ResidualKind::Root][random.below(3)];
+                let curve = (kind, [1e-3, 0.05][random.below(2)]);
+                let mut three = |most: f32| [0; 3].map(|_| random.within(-most, most));
+                let [lobes, residual, [a, b, _]] = [three(3.0).map(f32::abs), three(1.0), three(1.0)];
+                queue.push(Parts { lobes, residual, falls: [a, b] }, curve, index, &mut values);
+                expected[index] = kind.combine_rgb(lobes, residual, curve.1).map(|x| x * a * b);
+            }
+            queue.finish(&mut values);
+            let bits = |values: &[[f32; 3]]| values.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&values), bits(&expected), "{round}");
+        }
+    }
+}
