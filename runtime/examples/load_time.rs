@@ -1,5 +1,6 @@
-//! Times the opening of assets of either form and of their tiers on all processors, and the making of levels: `cargo run --release -p
-//! btf-runtime --example load_time FILE.spmm ...`. Prints the least of five runs; the file's bytes are in memory.
+//! Times the opening of assets of either form and of their tiers on all processors, and the making of levels: `cargo run
+//! --release -p btf-runtime --example load_time FILE.spmm ...`. Prints the least of five runs; the file's bytes are in
+//! memory.
 
 use btf_runtime::{Asset, PackedGoal, Resident, ResidentFile, read_directory, with_levels};
 use rayon::prelude::*;

@@ -55,7 +55,7 @@ struct UsedBasis {
     /// Number of bits before its numbers, and their widths, as in [`crate::resident::packed_table::PlacedBasis`].
     bit: u16,
     widths: u16,
-    /// Its step times the texel's code.
+    /// Step of the basis times the texel's code.
     weight: f32,
 }
 

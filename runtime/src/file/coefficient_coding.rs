@@ -470,7 +470,7 @@ struct Rows<'a, 'b> {
     factors: Vec<Vector>,
     /// Codes that a neighbour of another cluster would have.
     there: Vec<Vector>,
-    /// Its value less the mean, in coordinates.
+    /// Value of a neighbour of another cluster less the cluster's mean, in coordinates.
     off: Vec<Vector>,
     /// Coefficients of a texel.
     coefficients: Vec<f32>,

@@ -161,7 +161,7 @@ pub(crate) fn packed_bits(words: &[u32], bit: u32, width: u32) -> i32 {
     if first + width > WORD_BITS {
         bits |= words[word + 1] << (WORD_BITS - first);
     }
-    (bits << (WORD_BITS - width)) as i32 >> (WORD_BITS - width)
+    packed_signed(bits, width)
 }
 
 /// Returns the number of the lowest `width` bits, 0 for none.

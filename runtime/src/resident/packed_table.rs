@@ -1,7 +1,7 @@
 //! Where the numbers of packed bases stand within the rows of each cluster, and the codes within those of a texel. It follows
 //! from the words of the bases, and is kept beside the words for decoders that read many texels one after the other.
 
-use crate::resident::layout::{ASSET_LAYERS, block};
+use crate::resident::layout::block;
 use crate::resident::packed_part::{PackedBasis, PackedPart};
 
 /// A basis of a cluster that has numbers.
@@ -21,7 +21,7 @@ pub(crate) struct PlacedBasis {
     pub widths: u16,
 }
 
-/// The bases with numbers of the clusters of a layer.
+/// The bases with numbers of the clusters of a layer; by default of none.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PackedTable {
     bases: Vec<PlacedBasis>,
@@ -30,13 +30,10 @@ pub(crate) struct PackedTable {
 }
 
 impl PackedTable {
-    /// Makes the table of the layer whose block begins at word `layer`. It is empty where no bases are packed.
-    fn of_layer(words: &[u32], layer: usize) -> PackedTable {
+    /// Makes the table of the layer whose block begins at word `layer`; its bases must be packed.
+    pub(crate) fn of_layer(words: &[u32], layer: usize) -> PackedTable {
         let field = |field: usize| words[layer + field] as usize;
         let mut table = PackedTable { bases: Vec::new(), ends: vec![0] };
-        if field(block::BASES) == 0 || field(block::CHANNEL_WORDS) > 0 {
-            return table;
-        }
         let part = PackedPart::new(words, field(block::BASIS));
         for cluster in 0..field(block::CLUSTERS) {
             let (mut bit, mut code_bit) = (0, 0);
@@ -59,12 +56,6 @@ impl PackedTable {
             table.ends.push(table.bases.len() as u32);
         }
         table
-    }
-
-    /// Makes the table of each layer of each level of a resident form.
-    pub(crate) fn of_layers(words: &[u32]) -> Vec<PackedTable> {
-        let blocks = &words[ASSET_LAYERS..][..(words[4] * words[2]) as usize];
-        blocks.iter().map(|at| PackedTable::of_layer(words, *at as usize)).collect()
     }
 
     /// Returns the bases of a cluster that have numbers, the mean first.

@@ -145,7 +145,11 @@ impl Resident {
 
     /// Returns where the numbers of the packed bases of `layer` stand.
     pub(crate) fn packed_table(&self, layer: u32) -> &PackedTable {
-        &self.packed.get_or_init(|| PackedTable::of_layers(self.words()))[layer as usize]
+        let table = |layer: u32| match self.is_packed(layer) {
+            true => PackedTable::of_layer(self.words(), self.words()[ASSET_LAYERS + layer as usize] as usize),
+            false => PackedTable::default(),
+        };
+        &self.packed.get_or_init(|| (0..self.levels() * self.layers()).map(table).collect())[layer as usize]
     }
 
     /// Returns the number of the lobes' role in `layer`, see [`crate::LobeRole`].
