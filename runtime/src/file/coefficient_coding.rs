@@ -8,6 +8,7 @@
 
 use crate::asset::residual::{Basis, Coefficients, PredictedGroup, Residual};
 use crate::container::entropy::{BinaryCoder, Bit, Encoder, context};
+use crate::numeric::padded_rows::{LANES, Vector, add_rows, add_scaled, padded, vectors, zeros};
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -40,12 +41,6 @@ const MAX_CODE: f32 = 127.0;
 /// busy.
 const MAX_OPERATIONS_PER_BYTE: u64 = 1 << 18;
 const MAX_NUMBERS_PER_BYTE: u64 = 1 << 10;
-
-/// Numbers of a vector; rows are padded with zeros to whole ones.
-const LANES: usize = 16;
-type Vector = [f32; LANES];
-/// Vectors of a row that are kept in registers while rows are added up.
-const TOGETHER: usize = 5;
 
 /// Neighbours of a texel, in the order of a group's inputs, as columns and rows: left, above, above left, above right.
 const NEIGHBOURS: [[isize; 2]; 4] = [[-1, 0], [0, -1], [-1, -1], [1, -1]];
@@ -82,7 +77,7 @@ impl CoefficientFrame<'_> {
     }
 
     /// Returns whether a stream of `bytes` bytes is long enough for the time and memory that the group behind component
-    /// `first` takes.
+    /// `first` takes. Rows count without their padding, which adds 26 MB at most.
     pub(crate) fn allows(&self, group: &PredictedGroup, first: usize, bytes: usize) -> bool {
         let [texels, clusters, shared] = [self.texel_clusters.len(), self.clusters(), self.shared()].map(|n| n as u64);
         let [inputs, components, end] =
@@ -312,104 +307,11 @@ impl Cluster {
     }
 }
 
-/// Returns the number of vectors that hold `numbers` numbers.
-fn vectors(numbers: usize) -> usize {
-    numbers.div_ceil(LANES)
-}
-
-/// Returns rows of zeros, padded to whole vectors.
-fn zeros(rows: usize, numbers: usize) -> Vec<Vector> {
-    vec![[0.0; LANES]; rows * vectors(numbers)]
-}
-
-/// Returns numbers in whole vectors.
-fn padded(numbers: &[f32]) -> Vec<Vector> {
-    let mut row = zeros(1, numbers.len());
-    row.as_flattened_mut()[..numbers.len()].copy_from_slice(numbers);
-    row
-}
-
 /// Sets `factors` to what of `gain` each row of an inverse loses: -gain / along.
 #[inline(always)]
 fn divided(factors: &mut [Vector], gain: &[Vector], along: f32) {
     for (factors, gain) in factors.iter_mut().zip(gain) {
         factors.iter_mut().zip(gain).for_each(|(factor, g)| *factor = -(g / along));
-    }
-}
-
-/// Adds rows of `length` vectors times their inputs to `out`, which may be shorter. Where there is something to be learnt,
-/// each row gets its factor times `before` first.
-#[inline(always)]
-fn add_rows<S: Simd>(
-    simd: S,
-    (rows, length): (&mut [Vector], usize),
-    inputs: &[f32],
-    learnt: Option<(&[f32], &[Vector])>,
-    out: &mut [Vector],
-) {
-    let (rows, out) = (S::as_mut_simd_f32s(rows.as_flattened_mut()).0, S::as_mut_simd_f32s(out.as_flattened_mut()).0);
-    let learnt = learnt.map(|(factors, before)| (factors, S::as_simd_f32s(before.as_flattened()).0));
-    let stride = length * LANES / S::F32_LANES;
-    for first in (0..out.len()).step_by(TOGETHER) {
-        let out = &mut out[first..];
-        // Without inputs there are no rows.
-        let rows = rows.get_mut(first..).unwrap_or_default();
-        let learnt = learnt.map(|(factors, before)| (factors, &before[first..]));
-        match out.len() {
-            1 => add_columns::<S, 1>(simd, rows, stride, inputs, learnt, out),
-            2 => add_columns::<S, 2>(simd, rows, stride, inputs, learnt, out),
-            3 => add_columns::<S, 3>(simd, rows, stride, inputs, learnt, out),
-            4 => add_columns::<S, 4>(simd, rows, stride, inputs, learnt, out),
-            _ => add_columns::<S, TOGETHER>(simd, rows, stride, inputs, learnt, out),
-        }
-    }
-}
-
-/// Does the work of [`add_rows`] for the first `N` vectors of rows that lie `stride` vectors apart: their sums stay in
-/// registers.
-#[inline(always)]
-fn add_columns<S: Simd, const N: usize>(
-    simd: S,
-    rows: &mut [S::f32s],
-    stride: usize,
-    inputs: &[f32],
-    learnt: Option<(&[f32], &[S::f32s])>,
-    out: &mut [S::f32s],
-) {
-    let Some(out) = out.first_chunk_mut::<N>() else { return };
-    let mut sums = *out;
-    let rows = rows.chunks_mut(stride).zip(inputs);
-    match learnt.and_then(|(factors, before)| Some((factors, *before.first_chunk::<N>()?))) {
-        Some((factors, before)) => {
-            for ((row, x), factor) in rows.zip(factors) {
-                let Some(row) = row.first_chunk_mut::<N>() else { return };
-                let (x, factor) = (simd.splat_f32s(*x), simd.splat_f32s(*factor));
-                for n in 0..N {
-                    row[n] = simd.add_f32s(row[n], simd.mul_f32s(factor, before[n]));
-                    sums[n] = simd.add_f32s(sums[n], simd.mul_f32s(x, row[n]));
-                }
-            }
-        }
-        None => {
-            for (row, x) in rows {
-                let Some(row) = row.first_chunk::<N>() else { return };
-                let x = simd.splat_f32s(*x);
-                for n in 0..N {
-                    sums[n] = simd.add_f32s(sums[n], simd.mul_f32s(x, row[n]));
-                }
-            }
-        }
-    }
-    *out = sums;
-}
-
-/// Adds `factor` times `row` to `sums`.
-#[inline(always)]
-fn add_scaled<S: Simd>(simd: S, sums: &mut [Vector], factor: f32, row: &[Vector]) {
-    let factor = simd.splat_f32s(factor);
-    let sums = S::as_mut_simd_f32s(sums.as_flattened_mut()).0;
-    for (sum, x) in sums.iter_mut().zip(S::as_simd_f32s(row.as_flattened()).0) {
-        *sum = simd.add_f32s(*sum, simd.mul_f32s(factor, *x));
     }
 }
 
