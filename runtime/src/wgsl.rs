@@ -16,6 +16,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("packed_part.wgsl", include_str!("resident/packed_part.wgsl")),
     ("packed_sum.wgsl", include_str!("decode/packed_sum.wgsl")),
     ("texel.wgsl", include_str!("decode/texel.wgsl")),
+    ("residual_sum.wgsl", include_str!("decode/residual_sum.wgsl")),
     ("relief.wgsl", include_str!("decode/relief.wgsl")),
     ("viewed_texel.wgsl", include_str!("decode/viewed_texel.wgsl")),
     ("sample.wgsl", include_str!("decode/sample.wgsl")),

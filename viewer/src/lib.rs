@@ -24,6 +24,7 @@ mod error;
 mod geometry;
 mod gpu;
 mod light;
+mod operations;
 mod options;
 mod picture;
 mod render;
@@ -55,6 +56,7 @@ pub use geometry::lod_transition::{LodTransition, MESH_PIXELS, VOLUME_PIXELS};
 pub use gpu::backend::{BackendChoice, Expansion, GpuTracer};
 pub use gpu::device::Gpu;
 pub use gpu::frame::FrameRequest;
+pub use gpu::pass_shaders::{PassShader, pass_shaders};
 pub use gpu::scene_change::{SceneChange, Updated};
 pub use gpu::timer::{GpuTimer, PassTimes};
 pub use gpu::tracer::Tracer;
@@ -94,9 +96,9 @@ pub use window_params::WindowParams;
 #[doc(hidden)]
 pub mod testing {
     pub use crate::bench::gpu::parity::{ABSOLUTE, RELATIVE, count_differences, difference, random_queries};
-    pub use crate::gpu::decode_queries::{DecodeQuery, gpu_decode};
-    pub use crate::gpu::expand_queries::{gpu_expand, time_gpu_expand, time_upload};
-    pub use crate::gpu::walk_queries::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
+    pub use crate::gpu::queries::decode_queries::{DecodeQuery, gpu_decode};
+    pub use crate::gpu::queries::expand_queries::{gpu_expand, time_gpu_expand, time_upload};
+    pub use crate::gpu::queries::walk_queries::{WalkQuery, WalkSum, cpu_walk, gpu_walk};
     pub use crate::scene::camera::jitter;
     pub use crate::scene::plant_variation::plant_factors;
 }

@@ -46,14 +46,38 @@ fn a_step_that_dies_hangs_or_finds_a_fault_costs_nothing_but_itself() {
 }
 
 #[test]
+fn counted_operations_are_those_of_the_layout() {
+    if support::gpu_is_left_out("counted operations") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (output, results) = run(folder.path(), &["--quick", "--only", "operations"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let rows = &results.steps[0].rows;
+    let of = |row: &serde_json::Value, part: &str, kind: &str| row[part][kind].as_f64().unwrap();
+    for row in rows {
+        println!("{row}");
+        // A ray reads the words of a node at least, and every pixel has one.
+        assert!(of(row, "ray", "loaded_words") > 10.0 && row["rays_per_pixel"].as_f64().unwrap() >= 1.0);
+        assert!(of(row, "pixel", "stored_words") > 10.0);
+        assert_eq!((of(row, "evaluation", "stored_words"), of(row, "ray", "stored_words")), (0.0, 0.0));
+    }
+    // The weave has 4 components: 3 channels of 5 bases at 9 pairs at most, a multiply-add each, and the means of 3.
+    let expanded = rows.iter().find(|row| row["form"] == "expanded" && row["lights"] == 1).unwrap();
+    let (float, words) = (of(expanded, "evaluation", "float"), of(expanded, "evaluation", "loaded_words"));
+    assert!(float > 2.0 * 9.0 * 15.0 && float < 3000.0, "{float}");
+    assert!(words > 9.0 * 9.0 && words < 800.0, "{words}");
+}
+
+#[test]
 fn steps_without_time_are_left_out_and_unknown_ones_are_bad_usage() {
     let folder = tempfile::tempdir().unwrap();
     let (output, results) = run(folder.path(), &["--minutes", "0.01"]);
-    assert!(output.status.success() && results.finished && results.steps.len() == 12);
+    assert!(output.status.success() && results.finished && results.steps.len() == 14);
     assert!(results.steps.iter().all(|step| step.status == "skipped: no time" && step.rows.is_empty()));
     let (output, results) = run(folder.path(), &["--only", "cornel"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("no step 'cornel'"));
     // The earlier file is untouched.
-    assert_eq!(results.steps.len(), 12);
+    assert_eq!(results.steps.len(), 14);
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::fmt::Write;
 
 /// Steps of frames, with what their tables show.
-const FRAME_STEPS: [(&str, &str); 7] = [
+const FRAME_STEPS: [(&str, &str); 8] = [
     ("cornell", "Cornell box that fills its picture"),
     ("resolutions", "Cornell box on larger screens, which it fills"),
     ("lights", "Lights"),
@@ -14,6 +14,7 @@ const FRAME_STEPS: [(&str, &str); 7] = [
     ("canopy", "Canopy of as many triangles as Miao's"),
     ("canopies", "Canopies under sun and sky, with one ray for what occludes the sky"),
     ("landscapes", "Landscapes of volumetric textures"),
+    ("workgroups", "Workgroups of other shapes"),
 ];
 
 /// Makes the page; `head` is the commit of the checkout, which is told where the program did not know its own.
@@ -29,6 +30,7 @@ pub fn page(results: &Value, head: Option<&str>) -> Result<String, String> {
         goals(results),
         parity(results),
         roofline(results),
+        operations(results),
         FRAME_STEPS.iter().map(|(step, title)| frames(results, step, title)).collect(),
         expansion(results),
         steps(results),
@@ -97,6 +99,35 @@ fn roofline(results: &Value) -> String {
         );
     }
     section + &not_run(results, &["roofline"])
+}
+
+fn operations(results: &Value) -> String {
+    const KINDS: [&str; 5] = ["float", "special", "integer", "loaded_words", "branches"];
+    let mut table = String::from(
+        "## Operations\n\nCounted by a shader that counts itself ([cost on a GPU](gpu-cost.md)): floating-point operations, \
+         special ones, integer ones, 4-byte words read from buffers, branches.\n\n| scene | form | lights | components | of an \
+         evaluation | of a ray | of a pixel beside | evaluations, rays a pixel |\n|---|---|---|---|---|---|---|---|\n",
+    );
+    for row in rows(results, "operations") {
+        let of = |part: &str| {
+            let counts = KINDS.map(|kind| format!("{:.0}", row[part][kind].as_f64().unwrap_or(f64::NAN)));
+            counts.join(", ")
+        };
+        let _ = writeln!(
+            table,
+            "| {} | {} | {} | {} | {} | {} | {} | {}, {} |",
+            [text(&row["mesh"]), text(&row["variant"])].join(" ").trim_end(),
+            text(&row["form"]),
+            row["lights"],
+            row["components"],
+            of("evaluation"),
+            of("ray"),
+            of("pixel"),
+            number(&row["evaluations_per_pixel"]),
+            number(&row["rays_per_pixel"]),
+        );
+    }
+    table + &not_run(results, &["operations"])
 }
 
 fn frames(results: &Value, step: &str, title: &str) -> String {
@@ -196,6 +227,16 @@ mod tests {
         })
     }
 
+    fn operations_row() -> Value {
+        let counts = |float: f64| {
+            json!({"float": float, "special": 2.4, "integer": 3.0, "loaded_words": 4.0, "stored_words": 5.0,
+                   "array_words": 6.0, "branches": 7.0})
+        };
+        json!({"kind": "operations", "mesh": "cornell", "variant": "", "form": "packed", "lights": 1, "components": 81,
+               "evaluations_per_pixel": 0.9, "rays_per_pixel": 1.9, "evaluation": counts(1000.4), "ray": counts(700.0),
+               "pixel": counts(30.0)})
+    }
+
     fn results() -> Value {
         let step = |name: &str, status: &str, rows: Vec<Value>| json!({"name": name, "status": status, "seconds": 1.5, "rows": rows});
         let adapter = json!({"kind": "adapter", "name": "Fast 1", "interface": "vulkan DiscreteGpu", "driver": "d",
@@ -208,6 +249,7 @@ mod tests {
             "steps": [
                 step("adapter", "ok", vec![adapter]),
                 step("roofline", "ok", vec![roofline]),
+                step("operations", "ok", vec![operations_row()]),
                 step("cornell", "ok", vec![
                     frame_row("expanded", [512, 512], 1, 8, 0.1),
                     frame_row("expanded", [512, 512], 1, 81, 0.25),
@@ -231,6 +273,7 @@ mod tests {
             "| Cornell box, 512 x 512, time with 16 lights over one: times | at most 4 | not run | 5.00, not met |",
             "`resolutions`: failed: the device was lost.",
             "`canopies`: not run.",
+            "| cornell | packed | 1 | 81 | 1000, 2, 3, 4, 7 | 700, 2, 3, 4, 7 | 30, 2, 3, 4, 7 | 0.900, 1.90 |",
             "`btf-view bench gpu -o x`, a build that does not know its commit, reported at commit `abc1234`, 77.0 s.",
             "- Adapter: Fast 1 (vulkan DiscreteGpu), driver d 5, rays by bvh.",
         ] {
@@ -239,14 +282,14 @@ mod tests {
         assert!(page.contains("| 500, 0.50 |"), "{page}");
         // Planted: frames that take longer than the goal.
         let mut slow = results();
-        slow["steps"][2]["rows"][1]["frame_ms"] = json!(0.4);
+        slow["steps"][3]["rows"][1]["frame_ms"] = json!(0.4);
         assert!(super::page(&slow, None).unwrap().contains("| 2500, not met |"));
     }
 
     #[test]
     fn pictures_of_other_sizes_meet_no_goal() {
         let mut quick = results();
-        for step in [2, 4] {
+        for step in [3, 5] {
             quick["steps"][step]["rows"].as_array_mut().unwrap().iter_mut().for_each(|row| row["width"] = json!(64));
         }
         let page = page(&quick, None).unwrap();

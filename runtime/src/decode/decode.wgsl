@@ -52,6 +52,5 @@ fn btf_layer_for_sides(base: u32, level: u32, light_side: u32, view_side: u32) -
 
 // Decodes the value of a texel for one light; viewed_texel.wgsl is cheaper for several.
 fn btf_decode(base: u32, layer: u32, texel: u32, wi: vec3<f32>, wo: vec3<f32>, options: BtfOptions) -> vec3<f32> {
-    var rows: LightRows;
-    return viewed_light(viewed_new(base, layer, texel, wo, options), &rows, wi);
+    return viewed_light_alone(viewed_new(base, layer, texel, wo, options), wi);
 }

@@ -94,8 +94,7 @@ fn btf_sample(
     let density = share * sample_density(viewed, wi);
     let light_sign = select(1.0, -1.0, asset_word(viewed.t.layer + BLOCK_LIGHT_SIDE) == 1u);
     if wi.z * light_sign > 0.0 && density > 0.0 {
-        var rows: LightRows;
-        drawn = BtfSample(wi, density, viewed_light(viewed, &rows, wi), 0.0);
+        drawn = BtfSample(wi, density, viewed_light_alone(viewed, wi), 0.0);
     }
     return drawn;
 }

@@ -5,19 +5,25 @@ const FRAME_GREY: vec3<f32> = vec3<f32>(0.57735026, 0.57735026, 0.57735026);
 const FRAME_RED_BLUE: vec3<f32> = vec3<f32>(0.70710677, 0.0, -0.70710677);
 const FRAME_GREEN_MAGENTA: vec3<f32> = vec3<f32>(0.4082483, -0.8164966, 0.4082483);
 
-// Returns the residual at the pairs of `view` with three `lights`; where they are not `wanted` it may be anything.
-fn packed_sum(t: Texel, view: u32, lights: vec3<u32>) -> mat3x3<f32> {
+// Returns the residual of `t` at three `lights`, a column for each: the sum over the measured `views` with their `shares`.
+// One pass over the bases serves all pairs.
+fn packed_sum(t: Texel, views: vec3<u32>, lights: vec3<u32>, shares: vec3<f32>) -> mat3x3<f32> {
     let at = t.base + asset_word(t.layer + BLOCK_BASIS);
     let place = at + PACKED_PLACES + PLACE_WORDS * t.cluster;
-    let pairs = view * asset_word(t.layer + BLOCK_LIGHT_COUNT) + lights;
-    let rows = at + asset_word(place) + asset_word(place + 1u) * pairs;
+    let row_words = asset_word(place + 1u);
+    let of_light = at + asset_word(place) + row_words * lights;
+    let of_view = row_words * asset_word(t.layer + BLOCK_LIGHT_COUNT) * views;
     let unit = asset_f32(at);
     let bases = at + asset_word(at + 2u) + t.cluster * asset_word(at + 1u);
     // The codes of a texel end where its lobe references begin.
     let codes = t.base + asset_word(t.layer + BLOCK_REFS) + t.first_ref - asset_word(place + 2u);
+    let shown = shares > vec3<f32>(0.0);
     // Of each channel of the colour frame, the sums at the three lights.
     var sums = mat3x3<f32>();
-    var words = vec3<u32>(0u);
+    // The words of the rows that are being read, of each view.
+    var first_words = vec3<u32>(0u);
+    var second_words = vec3<u32>(0u);
+    var third_words = vec3<u32>(0u);
     // Places of the next number in the rows, and of the next code.
     var bit = 0u;
     var code_bit = 0u;
@@ -38,18 +44,26 @@ fn packed_sum(t: Texel, view: u32, lights: vec3<u32>) -> mat3x3<f32> {
                 continue;
             }
             let first = bit % 32u;
-            if first == 0u {
-                words = packed_read(rows, bit / 32u);
-            }
-            var bits = words >> vec3<u32>(first);
-            if first + width > 32u {
-                words = packed_read(rows, bit / 32u + 1u);
-                bits |= words << vec3<u32>(32u - first);
-            }
+            let rows = of_light + bit / 32u;
+            let bend = packed_bend(width);
             bit += width;
-            let down = vec3<u32>(32u - width);
-            let level = vec3<f32>(bitcast<vec3<i32>>(bits << down) >> down) + 0.5;
-            sums[c] += weight * level * (0.5 + packed_bend(width) * abs(level));
+            var of_views = vec3<f32>(0.0);
+            if shown.x {
+                let read = packed_read(rows + of_view.x, first_words, first, width);
+                first_words = read.words;
+                of_views += shares.x * packed_levels(read.numbers, bend);
+            }
+            if shown.y {
+                let read = packed_read(rows + of_view.y, second_words, first, width);
+                second_words = read.words;
+                of_views += shares.y * packed_levels(read.numbers, bend);
+            }
+            if shown.z {
+                let read = packed_read(rows + of_view.z, third_words, first, width);
+                third_words = read.words;
+                of_views += shares.z * packed_levels(read.numbers, bend);
+            }
+            sums[c] += weight * of_views;
         }
     }
     let grey = sums[0];
@@ -62,7 +76,34 @@ fn packed_sum(t: Texel, view: u32, lights: vec3<u32>) -> mat3x3<f32> {
     );
 }
 
-// Reads word number `word` of each row.
-fn packed_read(rows: vec3<u32>, word: u32) -> vec3<u32> {
-    return vec3<u32>(asset_word(rows.x + word), asset_word(rows.y + word), asset_word(rows.z + word));
+// Numbers of three rows, and the words of the rows that are being read.
+struct PackedRead {
+    numbers: vec3<i32>,
+    words: vec3<u32>,
+}
+
+// Reads the numbers of `width` bits that follow the `first` bits of the words at `at`. `words` are these words, unless `first`
+// is 0.
+fn packed_read(at: vec3<u32>, words: vec3<u32>, first: u32, width: u32) -> PackedRead {
+    var read = PackedRead(vec3<i32>(0), words);
+    if first == 0u {
+        read.words = packed_words(at);
+    }
+    read.numbers = extractBits(bitcast<vec3<i32>>(read.words), first, width);
+    if first + width > 32u {
+        let bits = read.words >> vec3<u32>(first);
+        read.words = packed_words(at + 1u);
+        read.numbers = extractBits(bitcast<vec3<i32>>(bits | (read.words << vec3<u32>(32u - first))), 0u, width);
+    }
+    return read;
+}
+
+fn packed_words(at: vec3<u32>) -> vec3<u32> {
+    return vec3<u32>(asset_word(at.x), asset_word(at.y), asset_word(at.z));
+}
+
+// Returns what numbers stand for, in steps.
+fn packed_levels(numbers: vec3<i32>, bend: f32) -> vec3<f32> {
+    let level = vec3<f32>(numbers) + 0.5;
+    return level * (0.5 + bend * abs(level));
 }

@@ -1,5 +1,5 @@
 //! Sums the residual of a texel at measured pairs with SIMD: rows of the expanded bases, weighted by the texel's
-//! coefficients. Twin: `texel_residual` in `decode/texel.wgsl`.
+//! coefficients. Twin: `decode/residual_sum.wgsl`.
 //!
 //! The bases of a pair are words of two halves, channel after channel. A block of words is read as it lies, across
 //! channels, and the sums of its lanes are sorted into channels at the end: the order of all sums is the same on every

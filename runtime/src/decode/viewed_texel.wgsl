@@ -1,6 +1,7 @@
 // A texel seen from one outgoing direction: the view-dependent half of decoding, done once for any number of lights;
 // and the residual, summed over the views, at the measured lights that were asked for. Twin: decode/viewed_texel.rs.
 
+const INTERPOLATION_FAST: u32 = 0u;
 const INTERPOLATION_EXACT: u32 = 1u;
 const HEIGHTS_RELIEF: u32 = 2u;
 const RATIO_EPSILON: f32 = 0.03;
@@ -24,6 +25,21 @@ struct ThreeRows {
     others: mat3x3<f32>,
 }
 
+// A light as a texel sees it.
+struct Lit {
+    // Unit vector to the light in the layer's frame.
+    wi: vec3<f32>,
+    // Whether light and eye are on the layer's side; nothing else is set where they are not.
+    is_lit: bool,
+    // Direction for which lobes are evaluated: that of the light, or the nearest one within the hull of the measured
+    // lights.
+    toward: vec3<f32>,
+    // Factor of the value that comes after all else: its fade to the horizon, and its fall beyond the hull.
+    fall: f32,
+    // Neighbours of the light among the measured ones, where there is a residual.
+    light: Neighbours,
+}
+
 struct ViewedTexel {
     t: Texel,
     options: BtfOptions,
@@ -37,6 +53,8 @@ struct ViewedTexel {
     shifted: bool,
     shown: vec3<u32>,
     exact: bool,
+    // Whether the bases are packed.
+    packed: bool,
     // Whether relief corrects the interpolation, with the points that are seen.
     relieved: bool,
     relief: SeenRelief,
@@ -61,6 +79,7 @@ fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: B
         options.heights != 0u && view.beyond < 1.0 && wo.z > 0.0 && asset_word(t.layer + BLOCK_HEIGHTS) != 0u,
         vec3<u32>(texel),
         options.interpolation == INTERPOLATION_EXACT,
+        asset_word(t.layer + BLOCK_CHANNEL_WORDS) == 0u,
         false,
         SeenRelief(),
     );
@@ -119,17 +138,19 @@ fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsil
     var rows = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
     var measured = viewed_measured_views(viewed);
     let base_share = select(1.0, 0.0, viewed.lobe_role == LOBE_ROLE_GUIDE);
-    for (var v = 0u; v < 3u; v++) {
+    // The exact rule takes the views one by one. One loop serves both rules, because shader compilers inline every call.
+    for (var v = 0u; v < select(1u, 3u, viewed.exact); v++) {
         let weight = viewed.weights[v];
-        if weight <= 0.0 {
+        if viewed.exact && weight <= 0.0 {
+            continue;
+        }
+        let own = select(vec3<f32>(0.0), vec3<f32>(1.0), vec3<u32>(0u, 1u, 2u) == vec3<u32>(v));
+        let residual = viewed_residual(viewed, lights, wanted, select(viewed.weights, own, viewed.exact));
+        if !viewed.exact {
+            rows.values = residual;
             continue;
         }
         let t = viewed_shown_by(viewed, v);
-        let residual = texel_residual(t, viewed.views[v], lights, wanted);
-        if !viewed.exact {
-            rows.values += weight * residual;
-            continue;
-        }
         for (var l = 0u; l < 3u; l++) {
             if wanted[l] {
                 let wi = sphere_direction(t.base + asset_word(t.layer + BLOCK_LIGHTS), lights[l]);
@@ -152,27 +173,84 @@ fn viewed_rows(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, epsil
     return rows;
 }
 
+// Sums the residual at three measured lights over the neighbouring views, with their shares; 0 at lights that are not
+// `wanted`.
+fn viewed_residual(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, shares: vec3<f32>) -> mat3x3<f32> {
+    var sum = mat3x3<f32>();
+    // Where the views show one texel, one pass serves them all.
+    for (var v = 0u; v < select(1u, 3u, viewed.shifted); v++) {
+        let own = select(vec3<f32>(0.0), shares, vec3<u32>(0u, 1u, 2u) == vec3<u32>(v));
+        let of_views = select(shares, own, viewed.shifted);
+        if all(of_views <= vec3<f32>(0.0)) {
+            continue;
+        }
+        let t = viewed_shown_by(viewed, v);
+        if viewed.packed {
+            sum += packed_sum(t, viewed.views, lights, of_views);
+        } else {
+            sum += residual_sum(t, viewed.views, lights, wanted, of_views);
+        }
+    }
+    for (var l = 0u; l < 3u; l++) {
+        if !wanted[l] {
+            sum[l] = vec3<f32>(0.0);
+        }
+    }
+    return sum;
+}
+
 // Returns reflectance times cosine times pi for the light at `wi`, a unit vector in the texel's frame; 0 where light or
 // eye are on another side than the layer's. `rows` must be those of this viewed texel.
-fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: vec3<f32>) -> vec3<f32> {
+fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi: vec3<f32>) -> vec3<f32> {
+    let lit = viewed_lit(viewed, wi);
+    var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
+    if lit.is_lit && viewed.t.bases > 0u {
+        found = viewed_found_rows(viewed, rows, lit.light);
+    }
+    return viewed_value(viewed, lit, found);
+}
+
+// Returns the value of viewed_light for a light that shares its rows with no other. Kept rows take 1152 bytes of each
+// thread.
+fn viewed_light_alone(viewed: ViewedTexel, wi: vec3<f32>) -> vec3<f32> {
+    let lit = viewed_lit(viewed, wi);
+    var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
+    if lit.is_lit && viewed.t.bases > 0u {
+        let wanted = lit.light.weights > vec3<f32>(0.0);
+        found = viewed_rows(viewed, lit.light.ids, wanted, asset_f32(viewed.t.layer + BLOCK_EPSILON));
+    }
+    return viewed_value(viewed, lit, found);
+}
+
+// Prepares the light at `wi`.
+fn viewed_lit(viewed: ViewedTexel, wi_given: vec3<f32>) -> Lit {
     let t = viewed.t;
     var wi = wi_given;
     if asset_word(t.layer + BLOCK_LIGHT_SIDE) == 1u {
         wi.z = -wi.z;
     }
-    if wi.z <= 0.0 || viewed.wo.z <= 0.0 {
-        return vec3<f32>(0.0);
+    var lit = Lit(wi, wi.z > 0.0 && viewed.wo.z > 0.0, wi, 0.0, Neighbours());
+    if !lit.is_lit {
+        return lit;
     }
-    var falling = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
-    let at = t.base + asset_word(t.layer + BLOCK_LIGHTS);
-    var light = Neighbours();
+    lit.fall = min(wi.z / asset_f32(t.layer + BLOCK_HORIZON), 1.0);
     if t.bases > 0u {
-        light = sphere_locate(at, wi);
+        let at = t.base + asset_word(t.layer + BLOCK_LIGHTS);
+        lit.light = sphere_locate(at, wi);
+        if viewed.lobe_role == LOBE_ROLE_BASE && !viewed.exact {
+            // Beyond the measured lights the value at their hull falls with the light's cosine.
+            lit.toward = sphere_within_hull(at, wi, lit.light);
+            lit.fall *= lit.light.beyond;
+        }
     }
-    if viewed.lobe_role == LOBE_ROLE_BASE && !viewed.exact && t.bases > 0u {
-        // Beyond the measured lights the value at their hull falls with the light's cosine.
-        wi = sphere_within_hull(at, wi, light);
-        falling *= light.beyond;
+    return lit;
+}
+
+// Returns the value for `lit`, given the rows of the measured lights around it.
+fn viewed_value(viewed: ViewedTexel, lit: Lit, found: ThreeRows) -> vec3<f32> {
+    let t = viewed.t;
+    if !lit.is_lit {
+        return vec3<f32>(0.0);
     }
     // The lobes as measured and as edited.
     var lobes = mat2x3<f32>();
@@ -181,19 +259,17 @@ fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi_given: v
     let asked = vec2<bool>(needed, t.edit > 0u);
     for (var i = 0u; i < 2u; i++) {
         if asked[i] {
-            lobes[i] = viewed_lobe_sum(viewed, i * t.edit, wi);
+            lobes[i] = viewed_lobe_sum(viewed, i * t.edit, lit.toward);
         }
     }
     var value = max(lobes[0], vec3<f32>(0.0));
     if t.bases > 0u {
-        // The light itself is on the layer's side.
-        let own = vec3<f32>(wi_given.xy, abs(wi_given.z));
-        value = viewed_measured(viewed, rows, light, own, wi, lobes[0]);
+        value = viewed_measured(viewed, found, lit, lobes[0]);
     }
     if t.edit > 0u {
         value = viewed_edited(viewed, value, lobes[0], lobes[1]);
     }
-    return value * falling;
+    return value * lit.fall;
 }
 
 // Applies the texel's edit to a measured value, given the measured lobe sum `here` and the edited one; the equation is
@@ -208,19 +284,38 @@ fn viewed_edited(viewed: ViewedTexel, value: vec3<f32>, here: vec3<f32>, lobes: 
     return tint * min(value_edited, vec3<f32>(1e37));
 }
 
-// Returns the measured value for a light at `wi` with these neighbours that is seen `toward`, without its fall towards the
-// horizon; `here` are the lobes, where they are needed.
-fn viewed_measured(
-    viewed: ViewedTexel,
-    rows: ptr<function, LightRows>,
-    light: Neighbours,
-    wi: vec3<f32>,
-    toward: vec3<f32>,
-    here: vec3<f32>,
-) -> vec3<f32> {
+// Returns the measured value for `lit` without its fall towards the horizon, given the rows of the measured lights around
+// it; `here` are the lobes, where they are needed.
+fn viewed_measured(viewed: ViewedTexel, found: ThreeRows, lit: Lit, here: vec3<f32>) -> vec3<f32> {
     let t = viewed.t;
     let epsilon = asset_f32(t.layer + BLOCK_EPSILON);
+    let light = lit.light;
+    var weights = light.weights;
+    var added = vec3<f32>(0.0);
+    if viewed.relieved {
+        let compared = relief_here(viewed.relief, lit.toward, viewed.weights, epsilon);
+        weights = relief_light_weights(viewed.relief, light.weights, compared.shading, found.others);
+        added = compared.added;
+        if light.beyond < 1.0 {
+            // Beyond the measured lights the terms are those of the light itself, over what the value then loses.
+            added = relief_here(viewed.relief, lit.wi, viewed.weights, epsilon).added / max(light.beyond, MIN_BEYOND);
+        }
+    }
+    let value = found.values * weights + added;
+    if !viewed.exact {
+        let guide = viewed.lobe_role == LOBE_ROLE_GUIDE;
+        let base = select(here, vec3<f32>(0.0), guide);
+        let scaled = select(1.0, light.beyond, viewed.lobe_role == LOBE_ROLE_OLD_BASE);
+        return residual_combine(viewed.kind, base, value, epsilon, scaled) * select(1.0, light.beyond, guide);
+    }
+    let lobes = found.others * light.weights;
+    let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);
+    return value * clamp(ratio, vec3<f32>(RATIO_MIN), vec3<f32>(RATIO_MAX));
+}
 
+// Returns the rows of the measured lights around a light: those that are kept in `rows`, and the missing ones, which are
+// kept from then on.
+fn viewed_found_rows(viewed: ViewedTexel, rows: ptr<function, LightRows>, light: Neighbours) -> ThreeRows {
     let place = light.ids % LIGHT_ROWS;
     var wanted = light.weights > vec3<f32>(0.0);
     var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
@@ -234,7 +329,7 @@ fn viewed_measured(
         }
     }
     if any(wanted) {
-        let made = viewed_rows(viewed, light.ids, wanted, epsilon);
+        let made = viewed_rows(viewed, light.ids, wanted, asset_f32(viewed.t.layer + BLOCK_EPSILON));
         for (var l = 0u; l < 3u; l++) {
             if wanted[l] {
                 found.values[l] = made.values[l];
@@ -247,25 +342,5 @@ fn viewed_measured(
             }
         }
     }
-    var weights = light.weights;
-    var added = vec3<f32>(0.0);
-    if viewed.relieved {
-        let compared = relief_here(viewed.relief, toward, viewed.weights, epsilon);
-        weights = relief_light_weights(viewed.relief, light.weights, compared.shading, found.others);
-        added = compared.added;
-        if light.beyond < 1.0 {
-            // Beyond the measured lights the terms are those of the light itself, over what the value then loses.
-            added = relief_here(viewed.relief, wi, viewed.weights, epsilon).added / max(light.beyond, MIN_BEYOND);
-        }
-    }
-    let value = found.values * weights + added;
-    if !viewed.exact {
-        let guide = viewed.lobe_role == LOBE_ROLE_GUIDE;
-        let base = select(here, vec3<f32>(0.0), guide);
-        let scaled = select(1.0, light.beyond, viewed.lobe_role == LOBE_ROLE_OLD_BASE);
-        return residual_combine(viewed.kind, base, value, epsilon, scaled) * select(1.0, light.beyond, guide);
-    }
-    let lobes = found.others * light.weights;
-    let ratio = (here + RATIO_EPSILON) / (lobes + RATIO_EPSILON);
-    return value * clamp(ratio, vec3<f32>(RATIO_MIN), vec3<f32>(RATIO_MAX));
+    return found;
 }

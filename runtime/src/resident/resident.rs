@@ -143,6 +143,21 @@ impl Resident {
         self.field(layer, block::BASES) > 0 && self.field(layer, block::CHANNEL_WORDS) == 0
     }
 
+    /// Returns whether any level of a layer has heights.
+    pub fn has_heights(&self) -> bool {
+        (0..self.levels() * self.layers()).any(|layer| self.field(layer, block::HEIGHTS) > 0)
+    }
+
+    /// Returns whether texels are edited.
+    pub fn has_edits(&self) -> bool {
+        (0..self.layers()).any(|layer| self.field(layer, block::EDIT_COUNT) > 0)
+    }
+
+    /// Returns whether the bases of any layer are packed.
+    pub fn has_packed_bases(&self) -> bool {
+        (0..self.layers()).any(|layer| self.is_packed(layer))
+    }
+
     /// Returns where the numbers of the packed bases of `layer` stand.
     pub(crate) fn packed_table(&self, layer: u32) -> &PackedTable {
         let table = |layer: u32| match self.is_packed(layer) {

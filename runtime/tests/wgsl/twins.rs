@@ -42,6 +42,7 @@ fn decoder() -> [Constants; 3] {
         ("LOBE_ROLE_OLD_BASE", LobeRole::OldBase as usize),
         ("LOBE_ROLE_GUIDE", LobeRole::Guide as usize),
         ("LOBE_ROLE_BASE", LobeRole::Base as usize),
+        ("INTERPOLATION_FAST", Interpolation::Fast as usize),
         ("INTERPOLATION_EXACT", Interpolation::Exact as usize),
         ("ASSET_LAYERS", ASSET_LAYERS),
         ("LIGHT_ROWS", LIGHT_ROWS),

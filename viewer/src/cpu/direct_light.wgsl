@@ -91,7 +91,7 @@ fn choose_light(s: Surface, light_back: bool, stratum: u32, strata: u32, seed: u
 fn sample_point_light(lit: LitPoint, i: u32, asked: u32) -> LightSample {
     var sample = LightSample();
     var chosen = ChosenLight(i, 1.0);
-    if asked < frame.light_count {
+    if with_drawn_lights && asked < frame.light_count {
         chosen = choose_light(lit.s, lit.light_back, i, asked, lit.numbers.seed);
         if chosen.scale <= 0.0 {
             return sample;
@@ -124,7 +124,7 @@ fn sample_sun_light(lit: LitPoint) -> LightSample {
 // irradiance.
 fn uniform_light(lit: LitPoint) -> vec3<f32> {
     let path = frame.mode == MODE_PATH;
-    let surrounded = frame.environment.x > 0u;
+    let surrounded = with_environment && frame.environment.x > 0u;
     if !path && surrounded && frame.sky == SKY_IRRADIANCE {
         return environment_irradiance(select(lit.s.normal, -lit.s.normal, lit.light_back)) / TRACE_PI;
     }
@@ -191,7 +191,7 @@ fn direct_light(lit: LitPoint) -> SideLight {
     let by_normal = frame.mode != MODE_PATH && frame.sky == SKY_IRRADIANCE;
     let asked = min(frame.light_samples, frame.light_count);
     let sunny = select(0u, 1u, most(frame.sun_irradiance) > 0.0);
-    let around = select(0u, 1u, lit_evenly || (frame.environment.x > 0u && !by_normal));
+    let around = select(0u, 1u, lit_evenly || (with_environment && frame.environment.x > 0u && !by_normal));
     for (var i = 0u; i < asked + sunny + around; i++) {
         var light: LightSample;
         if i < asked {
@@ -200,7 +200,7 @@ fn direct_light(lit: LitPoint) -> SideLight {
             light = sample_sun_light(lit);
         } else if lit_evenly {
             light = sample_uniform_light(lit, uniform_radiance);
-        } else {
+        } else if with_environment {
             light = sample_environment_light(lit);
         }
         if !light.is_lit {
@@ -211,7 +211,7 @@ fn direct_light(lit: LitPoint) -> SideLight {
         if passed <= 0.0 {
             continue;
         }
-        if with_assets && lit.relief.scale > 0.0 && !lit.light_back
+        if with_displacement && lit.relief.scale > 0.0 && !lit.light_back
             && relief_shadowed(lit.relief, lit.point, light.wi, lit.viewed.bare) {
             continue;
         }

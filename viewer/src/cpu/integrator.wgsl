@@ -13,7 +13,7 @@ fn miss_radiance(path: Path) -> vec3<f32> {
     if !scattered && most(frame.sun_irradiance) > 0.0 {
         sun = sun_radiance(path.direction);
     }
-    if frame.environment.x == 0u {
+    if !with_environment || frame.environment.x == 0u {
         return select(frame.background, frame.ambient, scattered) + sun;
     }
     let radiance = environment_radiance(path.direction) + sun;

@@ -23,6 +23,15 @@ override whole_decoder: bool = false;
 // What the scene has: what it has not need not be compiled.
 override with_assets: bool = true;
 override with_leaves: bool = true;
+override with_displacement: bool = true;
+override with_environment: bool = true;
+override with_drawn_lights: bool = true;
+// How assets are decoded.
+override with_exact_rule: bool = true;
+override most_heights: u32 = 2u;
+override with_edits: bool = true;
+override with_packed_bases: bool = true;
+override with_kept_rows: bool = true;
 
 // Returns the direction of a ray from the eye through a pixel.
 fn camera_direction(pixel: vec2<u32>) -> vec3<f32> {
@@ -100,7 +109,7 @@ fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> DisplacedHit {
     var through = 0.0;
     for (var i = 0u; i < SHELL_TRIES; i++) {
         var hit = trace_mesh(start, direction);
-        if !with_assets || hit.primitive == NO_HIT || materials[triangle_at(hit.primitive).material].displacement <= 0.0 {
+        if !with_displacement || hit.primitive == NO_HIT || materials[triangle_at(hit.primitive).material].displacement <= 0.0 {
             hit.t += gone;
             return DisplacedHit(hit, 0.0);
         }
@@ -135,7 +144,7 @@ fn trace_closest(origin: vec3<f32>, direction: vec3<f32>) -> DisplacedHit {
 fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, vec3<f32>>) -> Surface {
     let hit = Hit(0.0, path.primitive, path.u, path.v, path.instance & ~SCATTERED);
     var s = surface_at(hit, path.direction);
-    if with_assets && !s.view_back && materials[s.material].displacement > 0.0 {
+    if with_displacement && !s.view_back && materials[s.material].displacement > 0.0 {
         *relief = relief_new(hit, s, materials[s.material]);
         if (*relief).scale > 0.0 {
             *point = relief_point(*relief, -s.wo, path.sunk);

@@ -2,6 +2,7 @@
 
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::pieces::{ASSETS, NODES, PieceLayout, TRIANGLES, VERTICES};
+use std::collections::HashMap;
 
 pub(super) const SCENE: &str = include_str!("../shaders/scene.wgsl");
 pub(super) const SAMPLER: &str = include_str!("../sampler.wgsl");
@@ -34,6 +35,38 @@ pub(super) const DECODE_QUERIES: &str = include_str!("../shaders/decode_queries.
 pub(crate) const ROOFLINE: &str = include_str!("../shaders/roofline.wgsl");
 /// Shows a picture in a window.
 pub(crate) const BLIT: &str = include_str!("../window/blit.wgsl");
+
+/// A part of a tracer's module, for counting what it takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub(crate) enum ModulePart {
+    /// Follows paths: lights, materials, pixels.
+    Shade,
+    /// Finds what rays hit.
+    Trace,
+    /// Decodes assets.
+    Decode,
+}
+
+/// Number of [`ModulePart`]s.
+pub(crate) const MODULE_PARTS: usize = 3;
+
+/// Returns the part of each function of a tracer's module that traces or decodes.
+pub(crate) fn part_of_functions() -> HashMap<String, ModulePart> {
+    let library = btf_runtime::wgsl_library();
+    let texts = [(ModulePart::Trace, TRACE_BVH), (ModulePart::Trace, BVH), (ModulePart::Decode, &library)];
+    let names = |text: &str| -> Vec<String> {
+        let names = text.lines().filter_map(|line| line.strip_prefix("fn ")?.split('(').next());
+        names.map(String::from).collect()
+    };
+    let mut parts: HashMap<_, _> =
+        texts.into_iter().flat_map(|(part, text)| names(text).into_iter().map(move |name| (name, part))).collect();
+    for array in [&VERTICES, &TRIANGLES, &NODES] {
+        parts.extend(array.readers.iter().map(|(name, ..)| (String::from(*name), ModulePart::Trace)));
+    }
+    parts.extend(ASSETS.readers.iter().map(|(name, ..)| (String::from(*name), ModulePart::Decode)));
+    parts
+}
 
 /// The cuts of the large arrays of a module, and what the module has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

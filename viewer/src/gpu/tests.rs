@@ -8,7 +8,6 @@ use crate::geometry::geometry::{Instance, Triangle, Vertex};
 use crate::geometry::lod_transition::{self, MESH_PIXELS, VOLUME_PIXELS};
 use crate::gpu::acceleration_structure::{MESHES, PROXIES, WITH_VOLUMES};
 use crate::gpu::backend::GpuTracer;
-use crate::gpu::decode_queries::{GpuQuery, GpuQueryParams};
 use crate::gpu::frame::{GpuFrame, GpuLight, GpuMaterial, GpuPath, GpuPixel, MAX_MATERIALS, NO_ASSET};
 use crate::gpu::modules::{
     BLIT, DIRECT_LIGHT, INTEGRATOR, LOD_TRANSITION, ModuleLayout, PATH, RELIEF, ROOFLINE, SAMPLER, SCATTER, SHADER,
@@ -16,7 +15,8 @@ use crate::gpu::modules::{
     walk_module,
 };
 use crate::gpu::pieces::PieceLayout;
-use crate::gpu::walk_queries::{GpuWalkPlace, WalkQuery, WalkSum};
+use crate::gpu::queries::decode_queries::{GpuQuery, GpuQueryParams};
+use crate::gpu::queries::walk_queries::{GpuWalkPlace, WalkQuery, WalkSum};
 use crate::light::sky_irradiance;
 use crate::options::{Filter, RenderMode, SkyLight};
 use crate::volume::skin::{MAX_CELLS, NO_LINK, NO_VOLUME};

@@ -5,22 +5,24 @@ use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::{FrameRequest, GpuFrame, GpuLight, GpuMaterial, MAX_MATERIALS, ScenePlaces, gpu_lights};
 use crate::gpu::layout::scene_layout;
-use crate::gpu::modules::trace_module;
+use crate::gpu::modules::{MODULE_PARTS, trace_module};
+use crate::gpu::operation_counters::OperationCounters;
 use crate::gpu::pieces::ASSETS;
+use crate::gpu::pipeline_constants::PipelineConstants;
+use crate::gpu::pipelines::Pipelines;
 use crate::gpu::preparation::Preparation;
 use crate::gpu::scene_change::{SceneChange, Updated};
 use crate::gpu::scene_words::SceneWords;
 use crate::gpu::structure::Structure;
 use crate::gpu::target::{Band, MAX_BAND_PIXELS, Target};
 use crate::gpu::timer::{GpuTimer, PASSES, Pass, PassTimes};
+use crate::operations::counts::OperationCounts;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::picture::PixelHit;
 use crate::scene::scene::Scene;
 use std::time::Instant;
 use wgpu::BufferUsages;
 
-/// Pixels per side of a workgroup. Twin: `@workgroup_size` in `passes.wgsl`.
-const GROUP: u32 = 8;
 /// The factor by which the sides of the picture shrink that [`Tracer::limit_bands`] judges by.
 const PROBE_SHRINK: u32 = 8;
 /// Bands of a picture that [`Tracer::limit_bands`] makes at most: as many as a set of timestamps has room for.
@@ -30,13 +32,12 @@ const MAX_BANDS: u64 = 64;
 pub struct Tracer {
     gpu: Gpu,
     tracer: GpuTracer,
-    module: wgpu::ShaderModule,
     /// The layout of bind group 0.
     scene_layout: wgpu::BindGroupLayout,
-    pipeline_layout: wgpu::PipelineLayout,
     decoder: DecoderForm,
-    /// Pipelines by number of the pass, made when first asked for: drivers take their time to compile.
-    pipelines: [Option<wgpu::ComputePipeline>; PASSES],
+    pipelines: Pipelines,
+    /// Where operations are counted.
+    counters: Option<OperationCounters>,
     frame: wgpu::Buffer,
     materials: wgpu::Buffer,
     lights: wgpu::Buffer,
@@ -51,7 +52,7 @@ pub struct Tracer {
 }
 
 /// Returns the passes of a sample, in order.
-fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
+pub(crate) fn passes_of(scene: &Scene, options: &ShadeOptions) -> Vec<Pass> {
     let mirrors = scene.materials.iter().any(|material| material.mirror.iter().any(|x| *x > 0.0));
     let next = match options.mode {
         RenderMode::Path => Some(Pass::Scatter),
@@ -91,6 +92,25 @@ impl Tracer {
         tracer: GpuTracer,
         decoder: DecoderForm,
     ) -> Result<Tracer, ViewerError> {
+        Tracer::with_counters(gpu, scene, tracer, decoder, None)
+    }
+
+    /// Uploads `scene` for a tracer that counts its operations, with the hierarchy in storage buffers. It is slower.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub(crate) fn counting(gpu: &Gpu, scene: &Scene) -> Result<Tracer, ViewerError> {
+        let counters = OperationCounters::new(gpu)?;
+        Tracer::with_counters(gpu, scene, GpuTracer::Bvh, DecoderForm::default(), Some(counters))
+    }
+
+    fn with_counters(
+        gpu: &Gpu,
+        scene: &Scene,
+        tracer: GpuTracer,
+        decoder: DecoderForm,
+        counters: Option<OperationCounters>,
+    ) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
         let words = SceneWords::new(gpu, scene)?;
         let structure = Structure::new(gpu, scene, tracer, words.pieces().layout)?;
@@ -102,16 +122,17 @@ impl Tracer {
         }
         let bytes = (size_of::<GpuMaterial>() * MAX_MATERIALS) as u64;
         let materials = gpu.empty_buffer("materials", bytes, BufferUsages::UNIFORM)?;
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(tracer.name()),
-            source: wgpu::ShaderSource::Wgsl(trace_module(tracer, structure.cut).into()),
-        });
+        let module = match &counters {
+            Some(_) => OperationCounters::module(gpu, structure.cut)?,
+            None => gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(tracer.name()),
+                source: wgpu::ShaderSource::Wgsl(trace_module(tracer, structure.cut).into()),
+            }),
+        };
         let scene_layout = scene_layout(gpu, words.pieces().layout);
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("trace"),
-            bind_group_layouts: &[Some(&scene_layout), Some(&structure.layout)],
-            ..Default::default()
-        });
+        let counters_layout = counters.as_ref().map(|counters| &counters.layout);
+        let layouts: Vec<_> = [&scene_layout, &structure.layout].into_iter().chain(counters_layout).collect();
+        let pipelines = Pipelines::new(gpu, module, &layouts);
         let frame = gpu.empty_buffer("frame", size_of::<GpuFrame>() as u64, BufferUsages::UNIFORM)?;
         let light_capacity = scene.lights.len().max(1);
         let lights = light_buffer(gpu, light_capacity)?;
@@ -119,11 +140,10 @@ impl Tracer {
         Ok(Tracer {
             gpu: gpu.clone(),
             tracer,
-            module,
             scene_layout,
-            pipeline_layout,
             decoder,
-            pipelines: [const { None }; PASSES],
+            pipelines,
+            counters,
             frame,
             materials,
             lights,
@@ -183,7 +203,8 @@ impl Tracer {
         self.write_scene(request.scene);
         for band in &target.bands {
             self.write_frame(request, band);
-            let groups = [request.size[0].div_ceil(GROUP), band.rows.div_ceil(GROUP)];
+            let [width, height] = self.pipelines.group();
+            let groups = [request.size[0].div_ceil(width), band.rows.div_ceil(height)];
             self.dispatch(band, &passes, groups, timer.as_deref_mut());
         }
         if let Some(timer) = timer {
@@ -245,10 +266,25 @@ impl Tracer {
         Ok(())
     }
 
+    /// Sets the columns and rows of pixels of a workgroup, at most 256 together.
+    pub(crate) fn set_group(&mut self, group: [u32; 2]) {
+        self.pipelines.set_group(group);
+    }
+
+    /// Has pipelines also serve what users of a window change from one moment to the next: edits, and numbers of lights.
+    pub(crate) fn expect_changes(&mut self) {
+        let changes = PipelineConstants { edits: true, kept_rows: true, drawn_lights: true, ..Default::default() };
+        self.pipelines.expect(changes);
+    }
+
     /// Tells whether all passes of a sample are compiled.
     pub(crate) fn is_ready_for(&self, request: &FrameRequest) -> bool {
         let passes = passes_of(request.scene, &request.options);
-        passes.iter().all(|pass| self.pipelines[*pass as usize].is_some())
+        self.pipelines.are_ready(&passes, self.needed(request))
+    }
+
+    fn needed(&self, request: &FrameRequest) -> PipelineConstants {
+        PipelineConstants::of(request.scene, &request.options, self.decoder)
     }
 
     /// Cuts pictures like the requested one into bands whose passes take about `band_ms` at most together, as far as a
@@ -277,11 +313,7 @@ impl Tracer {
 
     /// Makes what is missing: pipelines, room for lights, the buffers of the picture.
     fn prepare(&mut self, request: &FrameRequest, passes: &[Pass]) -> Result<(), ViewerError> {
-        for pass in passes {
-            if self.pipelines[*pass as usize].is_none() {
-                self.pipelines[*pass as usize] = Some(self.pipeline(request.scene, *pass));
-            }
-        }
+        self.pipelines.prepare(passes, self.needed(request));
         let grown = request.scene.lights.len() > self.light_capacity;
         if grown {
             self.light_capacity = request.scene.lights.len().next_power_of_two();
@@ -300,25 +332,6 @@ impl Tracer {
         shared.extend(self.words.pieces().entries(&ASSETS));
         self.target = Some(Target::new(&self.gpu, request.size, self.max_band_pixels, &self.scene_layout, &shared)?);
         self.gpu.check()
-    }
-
-    /// Compiles a pass.
-    fn pipeline(&self, scene: &Scene, pass: Pass) -> wgpu::ComputePipeline {
-        let constants = [
-            ("whole_decoder", self.decoder == DecoderForm::Whole),
-            ("with_assets", !scene.assets.is_empty()),
-            ("with_leaves", !scene.leaves.is_empty()),
-            ("with_lod_transition", scene.hands_over()),
-        ]
-        .map(|(name, is_so)| (name, f64::from(u8::from(is_so))));
-        self.gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(pass.entry_point()),
-            layout: Some(&self.pipeline_layout),
-            module: &self.module,
-            entry_point: Some(pass.entry_point()),
-            compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
-            cache: None,
-        })
     }
 
     /// Writes lights and materials.
@@ -344,13 +357,16 @@ impl Tracer {
     fn dispatch(&self, band: &Band, passes: &[Pass], groups: [u32; 2], mut timer: Option<&mut GpuTimer>) {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         for pass in passes {
-            let Some(pipeline) = &self.pipelines[*pass as usize] else { continue };
+            let Some(pipeline) = self.pipelines.get(*pass) else { continue };
             let timestamp_writes = timer.as_mut().map(|timer| timer.writes(*pass));
             let mut compute = encoder
                 .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(pass.entry_point()), timestamp_writes });
             compute.set_pipeline(pipeline);
             compute.set_bind_group(0, &band.group, &[]);
             compute.set_bind_group(1, &self.structure.group, &[]);
+            if let Some(counters) = &self.counters {
+                compute.set_bind_group(2, &counters.group, &[]);
+            }
             compute.dispatch_workgroups(groups[0], groups[1], 1);
         }
         self.gpu.queue.submit([encoder.finish()]);
@@ -359,6 +375,20 @@ impl Tracer {
     /// Returns the picture's bands, from the top; empty before the first sample.
     pub(crate) fn bands(&self) -> &[Band] {
         self.target.as_ref().map_or(&[], |target| &target.bands)
+    }
+
+    /// Draws a sample and returns the operations that it took, by part of the module; none of a tracer that does not count.
+    ///
+    /// # Errors
+    /// As [`Tracer::sample`], and what the driver reported.
+    pub(crate) fn count_sample(
+        &mut self,
+        request: &FrameRequest,
+    ) -> Result<[OperationCounts; MODULE_PARTS], ViewerError> {
+        self.make_ready(request, &Preparation::default())?;
+        self.counters.iter().for_each(|counters| counters.clear(&self.gpu));
+        self.sample(request, None)?;
+        self.counters.as_ref().map_or(Ok(Default::default()), |counters| counters.read(&self.gpu))
     }
 
     /// Reads the mean linear radiance per pixel, row-major from the top left; empty before the first sample.

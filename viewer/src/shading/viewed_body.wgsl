@@ -45,15 +45,25 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
     viewed.kind = BODY_ASSET;
     viewed.number = btf_texel_between(material.asset, viewed.layer, s.uv * material.uv_scale, s.texel_at);
     viewed.bare = asset_word(material.asset + asset_word(material.asset + ASSET_LAYERS + viewed.layer) + BLOCK_BASES) == 0u;
-    if !whole_decoder || frame.environment.x > 0u {
+    if !whole_decoder || (with_environment && frame.environment.x > 0u) {
         viewed.texel = viewed_new(material.asset, viewed.layer, viewed.number, s.wo, decode_options());
+        if !with_edits {
+            viewed.texel.t.edit = 0u;
+        }
+        if !with_packed_bases {
+            viewed.texel.packed = false;
+        }
     }
     return viewed;
 }
 
 // Returns how assets are decoded in this frame.
 fn decode_options() -> BtfOptions {
-    return BtfOptions(frame.components, frame.lobes, frame.interpolation, frame.heights);
+    var options = BtfOptions(frame.components, frame.lobes, frame.interpolation, min(frame.heights, most_heights));
+    if !with_exact_rule {
+        options.interpolation = INTERPOLATION_FAST;
+    }
+    return options;
 }
 
 // Returns pi * f * |cos| for light at `wi`, which is on the side that this body is viewed for.
@@ -66,6 +76,9 @@ fn body_light(viewed: ViewedBody, asset: u32, wo: vec3<f32>, rows: ptr<function,
     }
     if whole_decoder {
         return viewed.diffuse * btf_decode(asset, viewed.layer, viewed.number, wi, wo, decode_options());
+    }
+    if !with_kept_rows {
+        return viewed.diffuse * viewed_light_alone(viewed.texel, wi);
     }
     return viewed.diffuse * viewed_light(viewed.texel, rows, wi);
 }

@@ -130,6 +130,7 @@ impl Job {
             Some(tracer) => tracer,
             None => Tracer::new(&gpu, &scene, kind)?,
         };
+        tracer.expect_changes();
         tracer.make_ready(&FrameRequest { scene: &scene, size, options, sample: 0 }, preparation)?;
         Ok(Some(tracer))
     }

@@ -220,7 +220,7 @@ impl Questions {
         }
         // Planted differences: values a fiftieth too large, and another share of cosine samples.
         let changed = text
-            .replace("return value * falling;", "return 1.02 * value * falling;")
+            .replace("return value * lit.fall;", "return 1.02 * value * lit.fall;")
             .replace("const COSINE_SHARE: f32 = 0.5;", "const COSINE_SHARE: f32 = 0.25;");
         for entry in planted {
             let found = self.wrong(entry, |entry, queries| run(&changed, entry, queries));

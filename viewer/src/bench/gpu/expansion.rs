@@ -4,7 +4,7 @@ use crate::bench::gpu::params::GpuBenchParams;
 use crate::bench::gpu::rows::{Rows, row_of};
 use crate::bench::gpu::workload::{ResidentForm, Workload};
 use crate::error::ViewerError;
-use crate::gpu::expand_queries::{time_gpu_expand, time_upload};
+use crate::gpu::queries::expand_queries::{time_gpu_expand, time_upload};
 use serde::Serialize;
 use std::time::Instant;
 

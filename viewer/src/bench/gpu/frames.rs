@@ -23,6 +23,16 @@ const ULTRA_HD: [u32; 2] = [3840, 2160];
 /// Components of the cheaper settings, where an asset has more.
 const FEW: u32 = 8;
 const SOME: u32 = 24;
+/// Columns and rows of pixels of the workgroups that are compared.
+const WORKGROUPS: [(&str, [u32; 2]); 7] = [
+    ("8 x 8", [8, 8]),
+    ("8 x 4", [8, 4]),
+    ("16 x 4", [16, 4]),
+    ("32 x 1", [32, 1]),
+    ("64 x 1", [64, 1]),
+    ("16 x 8", [16, 8]),
+    ("16 x 16", [16, 16]),
+];
 /// Evaluations whose bytes are counted; their mean is told.
 const COUNTED: usize = 4096;
 
@@ -109,7 +119,7 @@ fn mean_traffic(asset: &SceneAsset, options: &DecodeOptions) -> Option<[f64; 2]>
 }
 
 /// Returns the components to draw with, from few to all.
-fn component_counts(assets: &[Arc<SceneAsset>]) -> Vec<u32> {
+pub(super) fn component_counts(assets: &[Arc<SceneAsset>]) -> Vec<u32> {
     let all = assets.iter().map(|asset| asset.most_components()).max().unwrap_or(0);
     [FEW, SOME].into_iter().filter(|count| *count < all).chain([all]).collect()
 }
@@ -184,6 +194,29 @@ pub(super) fn lights(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerEr
             let mut point = workload.built_in(("cornell", MeshChoice::Cornell), &assets, BOX)?;
             point.scene.place_lights(*count);
             timer.time(&point, rows)?;
+        }
+    }
+    Ok(())
+}
+
+/// Times the Cornell box with other workgroups than the usual 8 x 8 pixels: both forms, all components.
+///
+/// # Errors
+/// The errors of the tracer.
+pub(super) fn workgroups(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerError> {
+    let workload = Workload::open(params)?;
+    let engine = workload.engine();
+    for form in [ResidentForm::Expanded, ResidentForm::Packed] {
+        let assets = workload.assets(form);
+        let mut point = workload.built_in(("cornell", MeshChoice::Cornell), &assets, BOX)?;
+        let mut tracer = Tracer::new(&workload.gpu, &point.scene, workload.tracer)?;
+        for (name, group) in WORKGROUPS {
+            tracer.set_group(group);
+            point.variant = name;
+            let mut timer = FrameTimer { engine: &engine, tracer: Some(tracer) };
+            timer.time(&point, rows)?;
+            let Some(used) = timer.tracer else { return Ok(()) };
+            tracer = used;
         }
     }
     Ok(())

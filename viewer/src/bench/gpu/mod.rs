@@ -10,6 +10,7 @@ mod canopies;
 mod child;
 mod expansion;
 mod frames;
+mod operations;
 pub(crate) mod params;
 pub(crate) mod parity;
 mod picture_parity;

@@ -4,7 +4,7 @@ use crate::bench::gpu::params::GpuBenchParams;
 use crate::bench::gpu::rows::{Rows, row_of};
 use crate::bench::gpu::workload::{ResidentForm, Workload};
 use crate::error::ViewerError;
-use crate::gpu::decode_queries::{DecodeQuery, gpu_decode};
+use crate::gpu::queries::decode_queries::{DecodeQuery, gpu_decode};
 use btf_runtime::testing::Random;
 use btf_runtime::{DecodeOptions, HeightField, HeightUse, Interpolation, Resident, decode};
 use rayon::prelude::*;

@@ -5,7 +5,7 @@ use crate::gpu::arena::{Arena, ArenaAsset};
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
 use crate::gpu::modules::{ModuleLayout, trace_module};
-use crate::gpu::queries::gpu_queries;
+use crate::gpu::queries::shader_queries::gpu_queries;
 use btf_runtime::{DecodeOptions, Resident};
 
 /// One sample to decode.

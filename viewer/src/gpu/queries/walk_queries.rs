@@ -5,7 +5,7 @@ use crate::error::ViewerError;
 use crate::gpu::arena::{Arena, ArenaAsset};
 use crate::gpu::device::Gpu;
 use crate::gpu::modules::walk_module;
-use crate::gpu::queries::gpu_queries;
+use crate::gpu::queries::shader_queries::gpu_queries;
 use crate::volume::skin::{CellWalk, Pattern, Shell, pattern_words};
 use glam::Vec3;
 
