@@ -22,7 +22,7 @@ mod shell;
 mod suite;
 mod tools;
 
-use chores::{bench, book, check, demo, fuzz, gpu_report, header, python, setup, shaders, volumes};
+use chores::{bench, book, check, demo, fuzz, gpu_report, header, python, setup, shaders, volumes, web};
 use failure::Failure;
 use std::process::ExitCode;
 
@@ -42,6 +42,7 @@ Chores:
   header  write the C header from the sources of the C interface
   shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V
   volumes build the volumes of `btf-view scene`
+  web     make the package for browsers and Node.js
   setup   install what the tests need besides Rust: a software Vulkan driver, valgrind, judges of shaders and files
 
 `cargo xtask CHORE --help` tells more, with an example.";
@@ -78,6 +79,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "setup" => setup::run(rest),
         "shaders" => shaders::run(rest),
         "volumes" => volumes::run(rest),
+        "web" => web::run(rest),
         "-h" | "--help" | "help" => {
             println!("{HELP}");
             Ok(())
@@ -90,7 +92,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
 mod tests {
     use super::*;
 
-    const CHORES: [&str; 12] = [
+    const CHORES: [&str; 13] = [
         "demo",
         "test",
         "check",
@@ -102,6 +104,7 @@ mod tests {
         "header",
         "shaders",
         "volumes",
+        "web",
         "setup",
     ];
 

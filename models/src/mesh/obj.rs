@@ -58,8 +58,8 @@ pub(super) fn read(path: &Path) -> Result<Vec<ModelPart>, ModelError> {
 /// Refuses faces with indices so far out of range that the arithmetic of the `tobj` crate overflows: relative indices
 /// that reach before the first vertex, and others beyond the number of lines. The crate checks the rest.
 fn check_indices(bytes: &[u8]) -> Result<(), LoadError> {
-    // What is no text is refused by the crate.
-    let Ok(text) = std::str::from_utf8(bytes) else { return Ok(()) };
+    // The crate refuses what is no text as well, but only when it comes to that line.
+    let text = std::str::from_utf8(bytes).map_err(|_| LoadError::ReadError)?;
     let lines = text.lines().count() as i64;
     let mut counts = [0i64; 3];
     for line in text.lines() {

@@ -20,6 +20,8 @@ mod asset;
 mod border;
 mod code;
 mod evaluate;
+#[cfg(target_arch = "wasm32")]
+mod memory;
 mod threads;
 
 pub use asset::{
@@ -31,3 +33,5 @@ pub use evaluate::{
     Drawn, Heights, Interpolation, Options, Place, btf_default_options, btf_density, btf_evaluate, btf_evaluate_many,
     btf_sample,
 };
+#[cfg(target_arch = "wasm32")]
+pub use memory::{btf_allocate, btf_free};

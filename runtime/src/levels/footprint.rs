@@ -5,7 +5,9 @@
 pub(super) fn spread(i: usize, count: usize, all: usize) -> usize {
     // Knuth's multiplicative hash, its upper bits.
     let part = ((i as u32).wrapping_mul(0x9e37_79b1) ^ 0x5bd1_e995).wrapping_mul(0x85eb_ca6b) >> 8;
-    if count == all { i } else { (i * all + ((part as usize * all) >> 24)) / count }
+    // Products are longer than the words of some machines.
+    let (at, of_all) = (i as u64 * all as u64, (u64::from(part) * all as u64) >> 24);
+    if count == all { i } else { ((at + of_all) / count as u64) as usize }
 }
 
 /// Returns the cells of a line of `finer` cells that cell `index` of `count` covers, with their shares, which sum up to

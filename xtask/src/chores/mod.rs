@@ -11,3 +11,4 @@ pub mod python;
 pub mod setup;
 pub mod shaders;
 pub mod volumes;
+pub mod web;

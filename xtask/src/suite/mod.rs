@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use crate::metadata::Metadata;
 use crate::shell::root;
 use crate::tools::python_module::{self, Build};
-use crate::tools::{asset_tools, compilers, driver, peers, shader_tools, window_tools};
+use crate::tools::{asset_tools, compilers, driver, peers, shader_tools, wasm, web_package, window_tools};
 use counts::Counts;
 use std::path::Path;
 use steps::Suite;
@@ -29,7 +29,7 @@ Usage: cargo xtask test [--quick]
   --quick   the tier for every edit: no GPU, no integration tests, no docs (under 5 minutes)
 
 BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba, the Python module and what
-shader compilers say, BTF_SKIP_VALGRIND=1 the C interface under valgrind; all are counted as skipped. A program that is
+shader compilers say, BTF_SKIP_VALGRIND=1 the C interface under valgrind, BTF_SKIP_WEB=1 the package for browsers; all are counted as skipped. A program that is
 not there and cannot be installed (a C compiler, valgrind, Node.js, Python) leaves out what needs it, which is counted as
 skipped, too; in CI, where CI or BTF_CI is set, that is a failure. BTF_PEERS_PYTHON names a Python that has Mitsuba and
 maturin already. BTF_DATA names the folder of the measured data, without which the tests that use it are skipped.
@@ -102,6 +102,7 @@ fn check(suite: &mut Suite, metadata: &Metadata) {
 fn install(suite: &mut Suite, target: &Path) {
     const NO_GPU: Option<&str> = Some("BTF_SKIP_GPU");
     const NO_PEERS: Option<&str> = Some("BTF_SKIP_PEERS");
+    const NO_WEB: Option<&str> = Some("BTF_SKIP_WEB");
     // Without a driver the tests fail and say how to get one: a renderer that was never drawn with is no renderer.
     suite.required_tool("driver", NO_GPU, driver::ensure);
     suite.tool("window tools", NO_GPU, window_tools::ensure);
@@ -113,5 +114,11 @@ fn install(suite: &mut Suite, target: &Path) {
         let said = |result: Result<String, Failure>| result.map_err(|failure| failure.to_string());
         suite.check("rival codecs", || said(peers::check_peers(target)));
         suite.check("python", || said(python_module::build_and_test(target, Build::Tests)));
+    }
+    if suite.tool("WebAssembly", NO_WEB, || wasm::ensure(target)) {
+        suite.check("package for browsers", || {
+            let package = web_package::build(target, "dev").map_err(|failure| failure.to_string())?;
+            web_package::test(target, &package, "dev").map_err(|failure| failure.to_string())
+        });
     }
 }

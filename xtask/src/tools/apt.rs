@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::shell::{answer_of, os_release, run_checked};
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
@@ -78,12 +79,88 @@ fn apt_get(arguments: &[&str]) -> Result<(), Failure> {
     run_checked(Command::new("apt-get").args(arguments).env("DEBIAN_FRONTEND", "noninteractive"))
 }
 
+/// Returns the text of every file that lists package sources.
+pub fn present_sources() -> Vec<String> {
+    let folder =
+        std::fs::read_dir("/etc/apt/sources.list.d").into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+    folder
+        .chain([PathBuf::from("/etc/apt/sources.list")])
+        .filter_map(|path| std::fs::read_to_string(path).ok())
+        .collect()
+}
+
+/// Returns a stanza for `suite` on the mirror that the machine already uses for `codename`.
+pub fn source_of_suite(sources: &[String], codename: &str, suite: &str) -> Option<String> {
+    const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
+    let stanza = |uri: &str, key: &str| {
+        format!("Types: deb\nURIs: {uri}\nSuites: {suite}\nComponents: main\nSigned-By: {key}\n")
+    };
+    for text in sources {
+        // The newer form: stanzas of `Key: value`.
+        for block in text.split("\n\n") {
+            let value = |key: &str| {
+                block.lines().find_map(|line| Some(line.strip_prefix(key)?.strip_prefix(':')?.trim().to_string()))
+            };
+            if let (Some(uri), Some(suites)) = (value("URIs"), value("Suites"))
+                && suites.split_whitespace().any(|listed| listed == codename)
+                && uri.contains("debian")
+            {
+                return Some(stanza(
+                    uri.split_whitespace().next()?,
+                    &value("Signed-By").unwrap_or(KEYRING.to_string()),
+                ));
+            }
+        }
+        // The older form: `deb [options] uri suite components`.
+        for line in text.lines().filter(|line| line.starts_with("deb ")) {
+            let words: Vec<&str> = line
+                .split_whitespace()
+                .skip(1)
+                .skip_while(|word| word.starts_with('[') || word.ends_with(']'))
+                .collect();
+            if let [uri, listed, ..] = words[..]
+                && listed == codename
+                && uri.contains("debian")
+            {
+                return Some(stanza(uri, KEYRING));
+            }
+        }
+    }
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const ABSENT: Program = Program { name: "btf-no-such-program", package: "btf-none", question: "--version" };
     const CARGO: Program = Program { name: "cargo", package: "cargo", question: "--version" };
+
+    #[test]
+    fn the_mirror_in_use_is_used_for_backports() {
+        let new = "Types: deb\n# a comment\nURIs: http://mirror.example/debian\nSuites: bookworm bookworm-updates\nComponents: main\nSigned-By: /k.gpg\n";
+        let source = source_of_suite(
+            &["deb http://tools.example/apt cloud main\n".into(), new.into()],
+            "bookworm",
+            "bookworm-backports",
+        )
+        .unwrap();
+        assert!(
+            source.contains("URIs: http://mirror.example/debian\nSuites: bookworm-backports\n")
+                && source.contains("/k.gpg"),
+            "{source}"
+        );
+        let old = "deb [signed-by=/x.gpg] http://old.example/debian bookworm main\n";
+        assert!(
+            source_of_suite(&[old.into()], "bookworm", "bookworm-backports")
+                .unwrap()
+                .contains("http://old.example/debian")
+        );
+        assert_eq!(
+            source_of_suite(&["deb http://tools.example/apt nodistro main\n".into()], "bookworm", "bookworm-backports"),
+            None
+        );
+    }
 
     #[test]
     fn a_program_that_is_not_there_has_no_version() {

@@ -74,7 +74,7 @@ fn advice() -> String {
 fn install(codename: &str) -> Result<(), Failure> {
     let backports = codename == "bookworm";
     if backports && !backports_listed(codename) {
-        let source = backports_source(&present_sources(), codename).ok_or_else(|| {
+        let source = apt::source_of_suite(&apt::present_sources(), codename, &format!("{codename}-backports")).ok_or_else(|| {
             Failure::new("no Debian archive was found in the package sources: add bookworm-backports by hand and run `cargo xtask setup` again")
         })?;
         println!("adding {BACKPORTS_FILE}");
@@ -92,80 +92,15 @@ fn install(codename: &str) -> Result<(), Failure> {
     }
 }
 
-/// Returns the text of every file that lists package sources.
-fn present_sources() -> Vec<String> {
-    let folder =
-        std::fs::read_dir("/etc/apt/sources.list.d").into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
-    folder
-        .chain([PathBuf::from("/etc/apt/sources.list")])
-        .filter_map(|path| std::fs::read_to_string(path).ok())
-        .collect()
-}
-
 fn backports_listed(codename: &str) -> bool {
     let suite = format!("{codename}-backports");
     let lists = |line: &str| !line.trim_start().starts_with('#') && line.split_whitespace().any(|word| word == suite);
-    present_sources().iter().any(|text| text.lines().any(lists))
-}
-
-/// Returns a stanza for backports on the mirror that the machine already uses for `codename`.
-fn backports_source(sources: &[String], codename: &str) -> Option<String> {
-    const KEYRING: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
-    let stanza = |uri: &str, key: &str| {
-        format!("Types: deb\nURIs: {uri}\nSuites: {codename}-backports\nComponents: main\nSigned-By: {key}\n")
-    };
-    for text in sources {
-        // The newer form: stanzas of `Key: value`.
-        for block in text.split("\n\n") {
-            let value = |key: &str| {
-                block.lines().find_map(|line| Some(line.strip_prefix(key)?.strip_prefix(':')?.trim().to_string()))
-            };
-            if let (Some(uri), Some(suites)) = (value("URIs"), value("Suites"))
-                && suites.split_whitespace().any(|suite| suite == codename)
-                && uri.contains("debian")
-            {
-                return Some(stanza(
-                    uri.split_whitespace().next()?,
-                    &value("Signed-By").unwrap_or(KEYRING.to_string()),
-                ));
-            }
-        }
-        // The older form: `deb [options] uri suite components`.
-        for line in text.lines().filter(|line| line.starts_with("deb ")) {
-            let words: Vec<&str> = line
-                .split_whitespace()
-                .skip(1)
-                .skip_while(|word| word.starts_with('[') || word.ends_with(']'))
-                .collect();
-            if let [uri, suite, ..] = words[..]
-                && suite == codename
-                && uri.contains("debian")
-            {
-                return Some(stanza(uri, KEYRING));
-            }
-        }
-    }
-    None
+    apt::present_sources().iter().any(|text| text.lines().any(lists))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_mirror_in_use_is_used_for_backports() {
-        let new = "Types: deb\n# a comment\nURIs: http://mirror.example/debian\nSuites: bookworm bookworm-updates\nComponents: main\nSigned-By: /k.gpg\n";
-        let source =
-            backports_source(&["deb http://tools.example/apt cloud main\n".into(), new.into()], "bookworm").unwrap();
-        assert!(
-            source.contains("URIs: http://mirror.example/debian\nSuites: bookworm-backports\n")
-                && source.contains("/k.gpg"),
-            "{source}"
-        );
-        let old = "deb [signed-by=/x.gpg] http://old.example/debian bookworm main\n";
-        assert!(backports_source(&[old.into()], "bookworm").unwrap().contains("http://old.example/debian"));
-        assert_eq!(backports_source(&["deb http://tools.example/apt nodistro main\n".into()], "bookworm"), None);
-    }
 
     #[test]
     fn versions_are_read() {

@@ -9,4 +9,6 @@ mod npm;
 pub mod peers;
 pub mod python_module;
 pub mod shader_tools;
+pub mod wasm;
+pub mod web_package;
 pub mod window_tools;

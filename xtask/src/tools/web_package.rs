@@ -1,0 +1,76 @@
+//! The package for browsers and Node.js: compiles the C interface to WebAssembly, puts it beside the scripts, and runs their
+//! tests.
+
+use super::wasm;
+use crate::failure::Failure;
+use crate::shell::{answer_of, cargo, root, run_and_read, run_checked};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The scripts' folder, relative to the repository's root.
+const SCRIPTS: &str = "runtime/web";
+/// The package below the target folder, as npm takes it.
+const PACKAGE: &str = "web/btf-runtime";
+/// The files of the package that are in the repository, from its root.
+const FILES: [&str; 7] = [
+    "runtime/web/package.json",
+    "runtime/web/README.md",
+    "runtime/web/index.js",
+    "runtime/web/index.d.ts",
+    "runtime/web/wgsl.d.ts",
+    "LICENSE-MIT",
+    "LICENSE-APACHE",
+];
+
+/// Makes the package, and returns its folder. `profile` is cargo's.
+pub fn build(target: &Path, profile: &str) -> Result<PathBuf, Failure> {
+    let compiled = wasm::build(target, "btf-runtime-c", "btf.wasm", profile)?;
+    let folder = target.join(PACKAGE);
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
+    }
+    std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
+    let copy = |from: &Path, name: &str| {
+        std::fs::copy(from, folder.join(name)).map_err(|error| failed(from, &error)).map(|_| ())
+    };
+    for file in FILES {
+        copy(&root().join(file), file.rsplit('/').next().unwrap_or(file))?;
+    }
+    copy(&compiled, "btf.wasm")?;
+    let mut shaders = cargo(&["run", "--quiet", "--package", "btf-runtime", "--example", "wgsl_module"]);
+    shaders.args(["--profile", profile]);
+    let text = answer_of(&mut shaders).ok_or_else(|| Failure::new("the WGSL of the decoder was not written"))?;
+    let script = folder.join("wgsl.js");
+    std::fs::write(&script, text).map_err(|error| failed(&script, &error))?;
+    Ok(folder)
+}
+
+/// Runs the tests of the package in Node.js: what it answers is compared with the runtime's own answers. Returns one line with
+/// their number.
+pub fn test(target: &Path, package: &Path, profile: &str) -> Result<String, Failure> {
+    if answer_of(Command::new("node").arg("--version")).is_none() {
+        return Err(Failure::new(
+            "the package for browsers is tested in Node.js: install Node.js 20 or newer, or set BTF_SKIP_WEB=1",
+        ));
+    }
+    let answers = target.join("web/answers");
+    std::fs::create_dir_all(&answers).map_err(|error| failed(&answers, &error))?;
+    let asset = root().join("viewer/src/scene/builtin/weave.spmm");
+    let mut make =
+        cargo(&["run", "--quiet", "--package", "btf-runtime", "--example", "answers", "--profile", profile, "--"]);
+    run_checked(make.arg(&asset).arg(answers.join("weave.json")))?;
+    std::fs::copy(&asset, answers.join("weave.spmm")).map_err(|error| failed(&asset, &error))?;
+    let mut node = Command::new("node");
+    node.args(["--test", "--test-reporter=tap"]).arg(root().join(SCRIPTS).join("tests"));
+    node.env("BTF_WEB_PACKAGE", package).env("BTF_WEB_ANSWERS", &answers);
+    let (status, output) = run_and_read(&mut node)?;
+    let passed = output.lines().find_map(|line| line.strip_prefix("# pass ")).unwrap_or("0").to_string();
+    match status.success() && passed != "0" {
+        true => Ok(format!("{passed} tests of the package for browsers passed")),
+        false => Err(Failure::new(format!("the tests of the package for browsers failed: see {SCRIPTS}/tests"))),
+    }
+}
+
+fn failed(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(format!("{}: {error}", path.display()))
+}
