@@ -92,7 +92,12 @@ mod tests {
         let header = std::fs::read_to_string(package.join(HEADER)).unwrap();
         let mut seen = 0;
         for entry in std::fs::read_dir(package.join("src")).unwrap() {
-            let text = std::fs::read_to_string(entry.unwrap().path()).unwrap();
+            let path = entry.unwrap().path();
+            // Memory for hosts of WebAssembly: no other target has these functions.
+            if path.ends_with("memory.rs") {
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).unwrap();
             for part in text.split("#[unsafe(no_mangle)]").skip(1) {
                 let name = part.split_once("fn ").unwrap().1.split('(').next().unwrap();
                 assert!(header.contains(&format!("{name}(")), "{name} is not in the header: see SOURCES");
