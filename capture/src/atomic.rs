@@ -12,6 +12,10 @@ use crate::error::CaptureError;
 /// # Errors
 /// [`CaptureError::Write`] with the path of the folder.
 pub fn create_folder(path: impl AsRef<Path>) -> Result<(), CaptureError> {
+    // A page's files need no folders.
+    if cfg!(target_arch = "wasm32") {
+        return Ok(());
+    }
     fs::create_dir_all(path.as_ref()).map_err(|source| CaptureError::write(path.as_ref(), source))
 }
 
@@ -20,10 +24,21 @@ pub fn create_folder(path: impl AsRef<Path>) -> Result<(), CaptureError> {
 ///
 /// # Errors
 /// [`CaptureError::Write`]; nothing half-written remains.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn write_file_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), CaptureError> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(bytes).map_err(|source| CaptureError::write(&file.path, source))?;
     file.commit()
+}
+
+/// Hands `bytes` to the page as a file of the name `path`.
+///
+/// # Errors
+/// None.
+#[cfg(target_arch = "wasm32")]
+pub fn write_file_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), CaptureError> {
+    crate::files::write(path, bytes);
+    Ok(())
 }
 
 /// A file that is written beside its final path. [`AtomicFile::commit`] renames it to that path; a file that is dropped

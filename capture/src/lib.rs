@@ -35,8 +35,8 @@
 //! ```
 //!
 //! Read in this order: [`Direction`] and [`DirectionSet`]; [`CaptureInfo`] with [`Transfer`], [`Cosine`] and [`Side`],
-//! which hold the radiometry; [`Capture`] and [`CaptureWriter`]; [`CaptureError`]. [`mod@atomic`] serves every program
-//! that writes files, [`toml_text`] those that read TOML, [`cie`] those that compute with spectra.
+//! which hold the radiometry; [`Capture`] and [`CaptureWriter`]; [`CaptureError`]. [`mod@atomic`] and [`files`] serve every
+//! program that writes and reads files, [`toml_text`] those that read TOML, [`cie`] those that compute with spectra.
 //!
 //! Error metrics belong to the fitter. Sets that are no full grid of views x lights are not supported.
 
@@ -47,6 +47,7 @@ mod capture;
 mod colour;
 mod direction;
 mod error;
+pub mod files;
 mod images;
 mod info;
 mod layout;

@@ -71,6 +71,7 @@ pub use error::FormatError;
 pub use file::coefficient_coding::choose_coefficients;
 pub use file::format::{
     Form, Head, MAGIC, PIECE_BYTES, RESIDENT_ALIGNMENT, SectionKind, VERSION, read_directory, read_version,
+    tier_lengths,
 };
 pub use file::pack::{pack, packed_len};
 pub use file::resident_file::ResidentFile;

@@ -18,6 +18,7 @@
 
 #![cfg_attr(not(feature = "window"), allow(dead_code, reason = "some of it serves the window alone"))]
 
+#[cfg(not(target_arch = "wasm32"))]
 mod bench;
 mod cpu;
 mod error;
@@ -32,20 +33,28 @@ mod sampler;
 mod scene;
 mod shading;
 mod volume;
-#[cfg(feature = "window")]
-mod window;
-#[cfg(not(feature = "window"))]
-#[path = "without_window.rs"]
+#[cfg(feature = "controls")]
 mod window;
 mod window_params;
+#[cfg(not(feature = "window"))]
+mod without_window;
+mod work;
 
+#[cfg(not(target_arch = "wasm32"))]
 pub use bench::bench::{BenchKind, BenchParams, BenchReport, BenchRow, REFERENCE_SAMPLES, TRADE_SAMPLES, run_bench};
+#[cfg(not(target_arch = "wasm32"))]
 pub use bench::gpu::params::GpuBenchParams;
+#[cfg(not(target_arch = "wasm32"))]
 pub use bench::gpu::results::{GPU_RESULTS_FILE, GpuResults, StepRecord};
+#[cfg(not(target_arch = "wasm32"))]
 pub use bench::gpu::runner::{GpuBenchRun, run_gpu_bench};
+#[cfg(not(target_arch = "wasm32"))]
 pub use bench::gpu::stand_in::write_stand_in_asset;
+#[cfg(not(target_arch = "wasm32"))]
 pub use bench::gpu::step::run_gpu_step;
+#[cfg(not(target_arch = "wasm32"))]
 pub use bench::leaf_modes::LeafModeRow;
+#[cfg(not(target_arch = "wasm32"))]
 pub use bench::plot::bench_svg;
 pub use cpu::picture::CpuPicture;
 pub use error::ViewerError;
@@ -57,8 +66,8 @@ pub use gpu::backend::{BackendChoice, Expansion, GpuTracer};
 pub use gpu::device::Gpu;
 pub use gpu::frame::FrameRequest;
 pub use gpu::pass_shaders::{PassShader, pass_shaders};
+pub use gpu::results::timer::{GpuTimer, PassTimes};
 pub use gpu::scene_change::{SceneChange, Updated};
-pub use gpu::timer::{GpuTimer, PassTimes};
 pub use gpu::tracer::Tracer;
 pub use light::daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use light::environment::{Environment, MAX_COLUMNS};
@@ -89,12 +98,20 @@ pub use volume::skin::{
     Walk, Wind,
 };
 pub use volume::volumes::{SceneSkin, VolumePlace, Volumes};
-pub use window::run_window;
+#[cfg(feature = "window")]
+pub use window::desktop::run_window;
+#[cfg(all(feature = "controls", target_arch = "wasm32"))]
+pub use window::page::{Page, PageFrame};
+#[cfg(all(feature = "controls", target_arch = "wasm32"))]
+pub use window::page_picture::draw_picture;
 pub use window_params::WindowParams;
+#[cfg(not(feature = "window"))]
+pub use without_window::run_window;
 
 /// Ways into single parts of the renderers, for tests and measurements; no part of the interface.
 #[doc(hidden)]
 pub mod testing {
+    #[cfg(not(target_arch = "wasm32"))]
     pub use crate::bench::gpu::parity::{ABSOLUTE, RELATIVE, count_differences, difference, random_queries};
     pub use crate::gpu::queries::decode_queries::{DecodeQuery, gpu_decode};
     pub use crate::gpu::queries::expand_queries::{gpu_expand, time_gpu_expand, time_upload};

@@ -42,12 +42,20 @@ impl Picture {
     /// # Errors
     /// [`ViewerError::Write`] or [`ViewerError::Encode`], both naming the file.
     pub fn write_png(&self, path: &Path, exposure_ev: f32) -> Result<(), ViewerError> {
+        write_file_atomically(path, &self.png(path, exposure_ev)?)?;
+        Ok(())
+    }
+
+    /// Returns the bytes of an 8-bit sRGB PNG; `path` is for messages.
+    ///
+    /// # Errors
+    /// [`ViewerError::Encode`].
+    pub(crate) fn png(&self, path: &Path, exposure_ev: f32) -> Result<Vec<u8>, ViewerError> {
         let mut bytes = Vec::new();
         PngEncoder::new(&mut bytes)
             .write_image(&self.srgb8(exposure_ev), self.width, self.height, image::ExtendedColorType::Rgb8)
             .map_err(|error| ViewerError::Encode { path: path.into(), reason: error.to_string() })?;
-        write_file_atomically(path, &bytes)?;
-        Ok(())
+        Ok(bytes)
     }
 }
 

@@ -28,7 +28,7 @@ impl RadianceMap {
             Some(format @ (FileFormat::Exr | FileFormat::Hdr)) => format,
             _ => return Err(fault("it is no .exr or .hdr file, convert it to one".into())),
         };
-        let bytes = std::fs::read(path).map_err(|source| CaptureError::Read { path: path.into(), source })?;
+        let bytes = crate::files::read(path).map_err(|source| CaptureError::Read { path: path.into(), source })?;
         let image = decode(&bytes, format, None).map_err(|found| match found {
             ImageFault::Damaged(reason) => fault(reason),
             ImageFault::WrongSize { width, height } => fault(format!("it has {width} x {height} pixels")),

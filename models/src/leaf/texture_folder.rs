@@ -20,6 +20,7 @@
 //! right, y up to the tip.
 
 use std::fmt::Write;
+#[cfg(test)]
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
@@ -27,6 +28,8 @@ use std::sync::Arc;
 use crate::error::ModelError;
 use crate::leaf::texture_image::{TextureImage, TextureKind};
 use btf_capture::atomic::{StagedFolder, write_file_atomically};
+use btf_capture::files;
+use btf_capture::toml_text::bounded_text;
 
 /// Name of the description file.
 pub const TEXTURES_NAME: &str = "textures.toml";
@@ -74,11 +77,10 @@ impl TextureImages {
     /// Cost: 6 bytes per texel, at most 8192 x 8192 texels per image.
     pub fn read(dir: impl AsRef<Path>) -> Result<TextureImages, ModelError> {
         let dir = dir.as_ref();
-        let listing = fs::read_dir(dir).map_err(|error| {
+        let listing = files::list(dir).map_err(|error| {
             ModelError::leaf(dir, format!("cannot be opened as a folder ({error})"), "point to a folder of textures")
         })?;
-        for entry in listing.flatten() {
-            let path = entry.path();
+        for path in listing {
             let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or("").to_ascii_lowercase();
             let is_kind = TextureKind::ALL.iter().any(|kind| kind.name() == stem);
             let expected = path.file_name().and_then(|s| s.to_str()) == Some(&format!("{stem}.png"));
@@ -92,7 +94,7 @@ impl TextureImages {
             TextureImages { size_mm: description.size_mm, area_mm: description.area_mm, ..TextureImages::default() };
         for (slot, kind) in textures.images.iter_mut().zip(TextureKind::ALL) {
             let path = dir.join(format!("{}.png", kind.name()));
-            if !path.exists() {
+            if !files::exists(&path) {
                 continue;
             }
             let image = TextureImage::read(&path, kind.channels())?;
@@ -170,7 +172,7 @@ pub fn write_textures(
     textures: &[TextureGrid],
 ) -> Result<(), ModelError> {
     let dir = dir.as_ref();
-    if fs::read_dir(dir).is_ok_and(|mut listing| listing.next().is_some()) {
+    if files::list(dir).is_ok_and(|listing| !listing.is_empty()) {
         let fault = "holds files already".to_string();
         return Err(ModelError::leaf(dir, fault, "give a folder that is new or empty"));
     }
@@ -231,14 +233,10 @@ impl Description {
         };
         let mut description =
             Description { size_mm: None, area_mm: None, ranges: TextureKind::ALL.map(TextureKind::default_range) };
-        match fs::metadata(path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(description),
-            Ok(data) if data.len() > MAX_DESCRIPTION_BYTES => {
-                return Err(bad(format!("has {} bytes, and {MAX_DESCRIPTION_BYTES} are allowed", data.len())));
-            }
-            _ => {}
+        if !files::exists(path) {
+            return Ok(description);
         }
-        let text = fs::read_to_string(path).map_err(|error| bad(format!("cannot be read ({error})")))?;
+        let text = bounded_text(path, MAX_DESCRIPTION_BYTES, "a description of textures").map_err(bad)?;
         let file: toml::Table = text.parse().map_err(|error: toml::de::Error| {
             bad(format!("is no TOML ({})", error.message().lines().next().unwrap_or("unknown")))
         })?;
@@ -374,7 +372,7 @@ mod tests {
             ),
             (
                 refusal(&[("gloss.png", &whole), (TEXTURES_NAME, &[b'#'; 1 << 17])]),
-                ["65536 are allowed", "correct or delete"],
+                ["65536 bytes", "correct or delete"],
             ),
             (
                 refusal(&[

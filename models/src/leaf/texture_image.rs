@@ -1,10 +1,10 @@
 //! Kinds of appearance textures, and one of them as an image, read from and written to PNG.
 
-use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
 use crate::error::ModelError;
+use btf_capture::files;
 
 /// Largest number of texels of a texture: 8192 x 8192.
 pub const MAX_TEXTURE_TEXELS: usize = 1 << 26;
@@ -133,7 +133,7 @@ impl TextureImage {
         let bad = |fault: String, remedy: &'static str| ModelError::leaf(path, fault, remedy);
         let unreadable =
             |error: std::io::Error| bad(format!("cannot be read ({error})"), "check the file and its rights");
-        let file = File::open(path).map_err(unreadable)?;
+        let file = files::open(path).map_err(unreadable)?;
         let mut bytes = Vec::new();
         file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         if bytes.len() as u64 > MAX_FILE_BYTES {

@@ -8,6 +8,7 @@
 use super::address::beside;
 use super::model::fault;
 use crate::error::ModelError;
+use btf_capture::files;
 use gltf::buffer::{Data, Source};
 use gltf::json::validation::Checked;
 use gltf::mesh::Semantic;
@@ -96,8 +97,8 @@ fn padded(mut bytes: Vec<u8>) -> Data {
 
 /// Reads a file whole. Refuses devices and pipes, which may have no end.
 pub(super) fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
-    if !std::fs::metadata(path)?.is_file() {
+    if cfg!(not(target_arch = "wasm32")) && !std::fs::metadata(path)?.is_file() {
         return Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, "it is no file"));
     }
-    std::fs::read(path)
+    files::read(path)
 }

@@ -104,12 +104,24 @@ pub(crate) fn examine_directory_of<F: FileFormat>(
     placed.then_some(Directory { head, sections, tiers, tier, checksum: stored_checksum(bytes), damaged })
 }
 
+/// Reads the lengths of all tiers in bytes, ascending, from a file's beginning, which need not end with a tier.
+pub(crate) fn tier_lengths_of<F: FileFormat>(beginning: &[u8]) -> Result<Vec<u32>, FormatError> {
+    let counts = read_counts::<F>(beginning)?;
+    Ok(tier_table(beginning, counts))
+}
+
+/// Returns the tier table; `counts` are the numbers of sections and of tiers.
+fn tier_table(bytes: &[u8], counts: [usize; 2]) -> Vec<u32> {
+    let tier_at = HEADER_WORDS + counts[0] * SECTION_ENTRY_WORDS;
+    (0..counts[1]).map(|tier| word(bytes, tier_at + tier)).collect()
+}
+
 /// Reads the tier table. Returns the lengths of all tiers, and the index of the one that `bytes` has. `counts` are the
 /// numbers of sections and of tiers.
 fn read_tiers(bytes: &[u8], counts: [usize; 2], alignment: usize, faults: &mut Faults) -> Option<(Vec<u32>, usize)> {
     let (got, total) = (bytes.len(), word(bytes, header::LENGTH_LOW));
     let tier_at = HEADER_WORDS + counts[0] * SECTION_ENTRY_WORDS;
-    let tiers: Vec<u32> = (0..counts[1]).map(|i| word(bytes, tier_at + i)).collect();
+    let tiers = tier_table(bytes, counts);
     let ascending = tiers.windows(2).all(|pair| pair[0] < pair[1]);
     let aligned = tiers.iter().all(|length| (*length as usize).is_multiple_of(alignment));
     if !ascending || !aligned || tiers.last() != Some(&total) {

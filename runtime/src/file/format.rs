@@ -1,7 +1,7 @@
 //! The file format of assets within the container: header words and kinds of sections. Normative text: docs/reference/format.md.
 
 use crate::asset::limits::{MAX_LAYERS, MAX_SIDE, MAX_SIDE_MM};
-use crate::container::directory::{Directory, SectionEntry, read_directory_of};
+use crate::container::directory::{Directory, SectionEntry, read_directory_of, tier_lengths_of};
 use crate::container::file_format::{ALIGNMENT, FileFormat, HEADER_WORDS, HeaderReader};
 use crate::error::{FormatError, Names, SPMM_NAMES};
 use crate::threads::serial;
@@ -252,4 +252,12 @@ pub fn read_version(bytes: &[u8]) -> Option<u32> {
 /// Cost: one hash of the bytes. Allocation: bounded by the tables, which are bounded by `bytes`.
 pub fn read_directory(bytes: &[u8]) -> Result<Directory<Head>, FormatError> {
     read_directory_of::<Spmm>(bytes, &serial)
+}
+
+/// Returns the lengths in bytes of all tiers, ascending, the whole file's last: each such beginning is an asset of less
+/// detail. `beginning` holds at least header and tables, which the first 128 kB of a file do.
+///
+/// Errors: [`FormatError::TooShort`] telling the bytes that are needed; those of a header that is no asset's.
+pub fn tier_lengths(beginning: &[u8]) -> Result<Vec<u32>, FormatError> {
+    tier_lengths_of::<Spmm>(beginning)
 }

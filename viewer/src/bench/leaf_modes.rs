@@ -5,7 +5,7 @@ use btf_capture::{delta_e00, lab_from_linear, rgb_of, rgb_weights};
 use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf, leaf_body_spectrum};
 use serde::Serialize;
 use std::hint::black_box;
-use std::time::Instant;
+use web_time::Instant;
 
 /// States that colours are compared over.
 const STATES: u32 = 500;

@@ -2,7 +2,7 @@
 
 use crate::bench::leaf_modes::LeafModeRow;
 use crate::bench::params::BenchKind;
-use crate::gpu::timer::PassTimes;
+use crate::gpu::results::timer::PassTimes;
 use serde::Serialize;
 
 /// A measured point.

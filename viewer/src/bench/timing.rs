@@ -6,11 +6,11 @@ use crate::cpu::picture::CpuPicture;
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::FrameRequest;
-use crate::gpu::timer::{GpuTimer, PassTimes};
+use crate::gpu::results::timer::{GpuTimer, PassTimes};
 use crate::gpu::tracer::Tracer;
 use crate::picture::PixelHit;
 use crate::render::engine::Engine;
-use std::time::Instant;
+use web_time::Instant;
 
 /// Frames of a row at least.
 pub(super) const MIN_FRAMES: usize = 3;

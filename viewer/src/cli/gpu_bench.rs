@@ -9,7 +9,7 @@ use btf_viewer::{
 };
 use std::path::PathBuf;
 use std::process::Command;
-use std::time::Instant;
+use web_time::Instant;
 
 /// Arguments of the command.
 #[derive(clap::Args)]

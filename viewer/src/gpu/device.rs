@@ -2,6 +2,7 @@
 
 use crate::error::ViewerError;
 use crate::gpu::backend::{Expansion, GpuTracer};
+use crate::gpu::limits::{IN_BROWSER, asked_limits, missing_limit};
 use std::sync::{Arc, Mutex};
 use std::thread::ThreadId;
 
@@ -35,13 +36,14 @@ const NO_ADAPTER_REMEDY: &str = "to have one, install the graphics driver's Vulk
                                  package mesa-vulkan-drivers, which also has a software driver); --headless with \
                                  --backend cpu renders without";
 
-/// Storage buffers that are asked for where the adapter has as many; 8 are in every one.
-const MAX_STORAGE_BUFFERS: u32 = 40;
 /// Storage buffers of a stage that hold neither assets nor geometry.
 const OTHER_STORAGE_BUFFERS: u32 = 4;
 
 /// Which backends are looked at: those that the shaders are tested for.
+#[cfg(not(target_arch = "wasm32"))]
 const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
+#[cfg(target_arch = "wasm32")]
+const BACKENDS: wgpu::Backends = wgpu::Backends::BROWSER_WEBGPU;
 
 pub(crate) fn instance(display: Option<Box<dyn wgpu::wgt::WgpuHasDisplayHandle>>) -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
@@ -96,10 +98,27 @@ impl Gpu {
                     names.join(", ")
                 ))
             })?;
-        Gpu::from_adapter(instance, adapter)
+        pollster::block_on(Gpu::from_adapter(instance, adapter))
     }
 
-    fn from_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Gpu, ViewerError> {
+    /// Opens the adapter that a browser gives, within the limits that every one has, for pictures on `surface`.
+    ///
+    /// # Errors
+    /// [`ViewerError::NoAdapter`], [`ViewerError::Gpu`].
+    #[cfg(target_arch = "wasm32")]
+    pub async fn of_browser(instance: wgpu::Instance, surface: Option<&wgpu::Surface<'_>>) -> Result<Gpu, ViewerError> {
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            compatible_surface: surface,
+            ..Default::default()
+        };
+        let adapter = instance.request_adapter(&options).await.map_err(|_| {
+            ViewerError::NoAdapter("this browser has WebGPU, but no graphics adapter for it answers".into())
+        })?;
+        Gpu::from_adapter(instance, adapter).await
+    }
+
+    async fn from_adapter(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Gpu, ViewerError> {
         let info = adapter.get_info();
         // Assets hold half-precision numbers; every adapter that could run WebGPU reads them.
         if !adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::SHADER_F16_IN_F32) {
@@ -108,19 +127,19 @@ impl Gpu {
                 info.name
             )));
         }
-        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::EXPERIMENTAL_RAY_QUERY;
+        let wanted = match IN_BROWSER {
+            true => wgpu::Features::empty(),
+            false => wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::EXPERIMENTAL_RAY_QUERY,
+        };
         let features = adapter.features() & wanted;
         let ray_query = features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY);
         let has = adapter.limits();
-        let mut limits = wgpu::Limits {
-            max_storage_buffer_binding_size: has.max_storage_buffer_binding_size,
-            max_buffer_size: has.max_buffer_size,
-            max_storage_buffers_per_shader_stage: has.max_storage_buffers_per_shader_stage.min(MAX_STORAGE_BUFFERS),
-            max_texture_dimension_2d: has.max_texture_dimension_2d,
-            ..wgpu::Limits::default()
-        };
+        let mut limits = asked_limits(&has);
         if ray_query {
-            limits = limits.using_acceleration_structure_values(has);
+            limits = limits.using_acceleration_structure_values(has.clone());
+        }
+        if let Some(missing) = missing_limit(&limits, &has) {
+            return Err(ViewerError::Gpu { adapter: info.name.clone(), reason: missing });
         }
         #[allow(unsafe_code, reason = "wgpu marks ray queries as experimental; asking for them takes this call")]
         let experimental_features = if ray_query {
@@ -128,14 +147,16 @@ impl Gpu {
         } else {
             wgpu::ExperimentalFeatures::disabled()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+        let descriptor = wgpu::DeviceDescriptor {
             label: Some("btf-viewer"),
             required_features: features,
             required_limits: limits,
             experimental_features,
             ..Default::default()
-        }))
-        .map_err(|error| ViewerError::Gpu { adapter: info.name.clone(), reason: one_line(&error.to_string()) })?;
+        };
+        let opened = adapter.request_device(&descriptor).await;
+        let (device, queue) = opened
+            .map_err(|error| ViewerError::Gpu { adapter: info.name.clone(), reason: one_line(&error.to_string()) })?;
         let faults = Arc::new(Mutex::new(Vec::new()));
         let (on_error, on_loss) = (faults.clone(), faults.clone());
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
@@ -161,7 +182,10 @@ impl Gpu {
     /// [`ViewerError::Gpu`].
     pub(crate) fn for_tracing(&self) -> Result<Gpu, ViewerError> {
         match self.info.device_type {
-            wgpu::DeviceType::Cpu => Gpu::from_adapter(self.instance.clone(), self.adapter.clone()),
+            // Browsers compile beside the window's work.
+            wgpu::DeviceType::Cpu if !IN_BROWSER => {
+                pollster::block_on(Gpu::from_adapter(self.instance.clone(), self.adapter.clone()))
+            }
             _ => Ok(self.clone()),
         }
     }
@@ -247,7 +271,7 @@ impl Gpu {
         ViewerError::Gpu { adapter: self.info.name.clone(), reason: reason.into() }
     }
 
-    /// Waits for all submitted work.
+    /// Waits for all submitted work; not in a browser, where [`Fence`](crate::gpu::results::fence::Fence) tells.
     pub(crate) fn wait(&self) -> Result<(), ViewerError> {
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
@@ -296,28 +320,6 @@ impl Gpu {
             usage,
             mapped_at_creation: false,
         }))
-    }
-
-    /// Copies a whole buffer back; `buffer` has `COPY_SRC`.
-    pub(crate) fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer, count: usize) -> Result<Vec<T>, ViewerError> {
-        let bytes = (count * size_of::<T>()) as u64;
-        let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
-        let staging = self.empty_buffer("results", bytes, usage)?;
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-        self.queue.submit([encoder.finish()]);
-        let (sender, receiver) = std::sync::mpsc::channel();
-        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
-            // The receiver waits below; it is gone only if polling failed.
-            let _ = sender.send(result);
-        });
-        self.wait()?;
-        match receiver.recv() {
-            Ok(Ok(())) => {}
-            _ => return Err(self.error("its results cannot be read back")),
-        }
-        let view = staging.get_mapped_range(0..bytes).map_err(|error| self.error(one_line(&error.to_string())))?;
-        Ok(bytemuck::pod_collect_to_vec(&view))
     }
 }
 

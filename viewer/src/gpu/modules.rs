@@ -34,7 +34,7 @@ pub(super) const DECODE_QUERIES: &str = include_str!("../shaders/decode_queries.
 /// Measures what the adapter can do at most.
 pub(crate) const ROOFLINE: &str = include_str!("../shaders/roofline.wgsl");
 /// Shows a picture in a window.
-pub(crate) const BLIT: &str = include_str!("../window/blit.wgsl");
+pub(crate) const BLIT: &str = include_str!("../window/pictures/blit.wgsl");
 
 /// A part of a tracer's module, for counting what it takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,13 +1,17 @@
 //! The counters of a tracer that counts its operations ([`crate::operations`]), on the GPU.
 
 use crate::error::ViewerError;
+#[cfg(not(target_arch = "wasm32"))]
+use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
 use crate::gpu::layout::{WRITE, bind, buffer_entry};
-use crate::gpu::modules::{MODULE_PARTS, part_of_functions, trace_module};
-use crate::gpu::{backend::GpuTracer, modules::ModuleLayout};
-use crate::operations::counts::{KINDS, OperationCounts};
-use crate::operations::instrument::{COUNTERS, instrument};
-use std::borrow::Cow;
+use crate::gpu::modules::MODULE_PARTS;
+#[cfg(not(target_arch = "wasm32"))]
+use crate::gpu::modules::{ModuleLayout, part_of_functions, trace_module};
+use crate::gpu::results::readback::read_buffer;
+use crate::operations::counts::{COUNTERS, KINDS, OperationCounts};
+#[cfg(not(target_arch = "wasm32"))]
+use crate::operations::instrument::instrument;
 
 /// Bind group 2 of a tracer that counts.
 pub(crate) struct OperationCounters {
@@ -37,13 +41,14 @@ impl OperationCounters {
     ///
     /// # Errors
     /// [`ViewerError::Gpu`] where the module cannot be rewritten.
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn module(gpu: &Gpu, layout: ModuleLayout) -> Result<wgpu::ShaderModule, ViewerError> {
         let parts = part_of_functions();
         let part_of = |function: &str| parts.get(function).map_or(0, |part| *part as usize);
         let module = instrument(&trace_module(GpuTracer::Bvh, layout), &part_of).map_err(|why| gpu.error(why))?;
         Ok(gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("counting"),
-            source: wgpu::ShaderSource::Naga(Cow::Owned(module)),
+            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
         }))
     }
 
@@ -57,7 +62,7 @@ impl OperationCounters {
     /// # Errors
     /// [`ViewerError::Gpu`] with what the driver reported.
     pub(crate) fn read(&self, gpu: &Gpu) -> Result<[OperationCounts; MODULE_PARTS], ViewerError> {
-        let halves: Vec<[u32; 2]> = gpu.read(&self.buffer, COUNTERS)?;
+        let halves: Vec<[u32; 2]> = read_buffer(gpu, &self.buffer, COUNTERS)?;
         let number = |at: usize| u64::from(halves[at][0]) | u64::from(halves[at][1]) << 32;
         let of_part =
             |part: usize| OperationCounts::of_numbers(std::array::from_fn(|kind| number(KINDS * part + kind)));

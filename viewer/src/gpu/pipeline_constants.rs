@@ -1,7 +1,7 @@
 //! What pipelines are compiled for: WGSL's pipeline-overridable constants. What a picture does not need is left out, for the
 //! more registers a shader takes the fewer of its threads a GPU has at a time (docs/results/gpu-cost.md).
 
-use crate::gpu::timer::Pass;
+use crate::gpu::results::timer::Pass;
 use crate::options::{DecoderForm, ShadeOptions};
 use crate::scene::scene::Scene;
 use btf_runtime::{HeightUse, Interpolation};

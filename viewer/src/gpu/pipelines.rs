@@ -1,14 +1,40 @@
 //! The pipelines of a tracer: one for each pass, compiled when a picture first needs it, for what pictures need.
 
+use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
+use crate::gpu::modules::ModuleLayout;
 use crate::gpu::pipeline_constants::PipelineConstants;
-use crate::gpu::timer::{PASSES, Pass};
+use crate::gpu::results::timer::{PASSES, Pass};
 
 /// Columns and rows of pixels of a workgroup, where nothing else is asked for.
 const GROUP: [u32; 2] = [8, 8];
 
+/// Label of the pipelines' layout. A page compiles those of this layout without keeping others waiting.
+const LAYOUT_LABEL: &str = "trace";
+
+/// Tells whether pipelines that were made are still being compiled, as in a browser they are for a while. They must not be
+/// used before.
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) fn are_compiling() -> bool {
+    false
+}
+
+/// Tells whether pipelines that were made are still being compiled. They must not be used before.
+#[cfg(target_arch = "wasm32")]
+pub(crate) fn are_compiling() -> bool {
+    #[wasm_bindgen::prelude::wasm_bindgen]
+    extern "C" {
+        /// Number of pipelines in the making; `deferred_pipelines.js` defines it.
+        #[wasm_bindgen(js_name = btfPipelinesInTheMaking)]
+        fn pipelines_in_the_making() -> u32;
+    }
+    pipelines_in_the_making() > 0
+}
+
 /// Pipelines by pass. Drivers take their time to compile: seconds on GPUs, tens of seconds on the processor.
 pub(crate) struct Pipelines {
+    /// What the module is joined for, where pipelines may serve other scenes, too.
+    of: Option<(GpuTracer, ModuleLayout)>,
     device: wgpu::Device,
     module: wgpu::ShaderModule,
     layout: wgpu::PipelineLayout,
@@ -21,16 +47,26 @@ pub(crate) struct Pipelines {
 
 impl Pipelines {
     /// Makes pipelines of the entry points of `module`, none of which is compiled yet.
-    pub(crate) fn new(gpu: &Gpu, module: wgpu::ShaderModule, bind_groups: &[&wgpu::BindGroupLayout]) -> Pipelines {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        of: Option<(GpuTracer, ModuleLayout)>,
+        module: wgpu::ShaderModule,
+        bind_groups: &[&wgpu::BindGroupLayout],
+    ) -> Pipelines {
         let groups: Vec<_> = bind_groups.iter().map(|group| Some(*group)).collect();
         let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("trace"),
+            label: Some(LAYOUT_LABEL),
             bind_group_layouts: &groups,
             ..Default::default()
         });
         let constants = PipelineConstants::default();
         let by_pass = [const { None }; PASSES];
-        Pipelines { device: gpu.device.clone(), module, layout, constants, group: GROUP, by_pass }
+        Pipelines { of, device: gpu.device.clone(), module, layout, constants, group: GROUP, by_pass }
+    }
+
+    /// Tells whether these are the pipelines of such a module on a device: layouts that were made alike are alike.
+    pub(crate) fn are_of(&self, gpu: &Gpu, of: (GpuTracer, ModuleLayout)) -> bool {
+        self.of == Some(of) && self.device == gpu.device
     }
 
     /// Sets the columns and rows of pixels of a workgroup, at most 256 together.

@@ -4,6 +4,7 @@ use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::{GpuPath, GpuPixel};
 use crate::gpu::layout::bind;
+use crate::gpu::results::readback::{Readback, read_buffer};
 use wgpu::BufferUsages;
 
 /// Pixels of a band at most: the paths of a band then take 270 MB.
@@ -56,6 +57,15 @@ impl Target {
         Ok(Target { size, bands })
     }
 
+    /// Begins to read the pixels back, band by band.
+    ///
+    /// # Errors
+    /// [`ViewerError::Gpu`] where the driver has no memory for the copies.
+    pub(crate) fn begin_read(&self, gpu: &Gpu) -> Result<Vec<Readback<GpuPixel>>, ViewerError> {
+        let read = |band: &Band| Readback::begin(gpu, &band.pixels, (self.size[0] * band.rows) as usize);
+        self.bands.iter().map(read).collect()
+    }
+
     /// Reads the pixels back, row-major from the top left.
     ///
     /// # Errors
@@ -64,7 +74,7 @@ impl Target {
         let [width, height] = self.size;
         let mut pixels = Vec::with_capacity(width as usize * height as usize);
         for band in &self.bands {
-            pixels.extend(gpu.read::<GpuPixel>(&band.pixels, (width * band.rows) as usize)?);
+            pixels.extend(read_buffer::<GpuPixel>(gpu, &band.pixels, (width * band.rows) as usize)?);
         }
         Ok(pixels)
     }

@@ -5,28 +5,33 @@ use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::{FrameRequest, GpuFrame, GpuLight, GpuMaterial, MAX_MATERIALS, ScenePlaces, gpu_lights};
 use crate::gpu::layout::scene_layout;
-use crate::gpu::modules::{MODULE_PARTS, trace_module};
+use crate::gpu::limits::IN_BROWSER;
+use crate::gpu::modules::{MODULE_PARTS, ModuleLayout, trace_module};
 use crate::gpu::operation_counters::OperationCounters;
 use crate::gpu::pieces::ASSETS;
 use crate::gpu::pipeline_constants::PipelineConstants;
 use crate::gpu::pipelines::Pipelines;
 use crate::gpu::preparation::Preparation;
+use crate::gpu::results::reading::Reading;
+use crate::gpu::results::timer::{GpuTimer, PASSES, Pass, PassTimes};
 use crate::gpu::scene_change::{SceneChange, Updated};
 use crate::gpu::scene_words::SceneWords;
 use crate::gpu::structure::Structure;
 use crate::gpu::target::{Band, MAX_BAND_PIXELS, Target};
-use crate::gpu::timer::{GpuTimer, PASSES, Pass, PassTimes};
 use crate::operations::counts::OperationCounts;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::picture::PixelHit;
 use crate::scene::scene::Scene;
-use std::time::Instant;
+use web_time::Instant;
 use wgpu::BufferUsages;
 
 /// The factor by which the sides of the picture shrink that [`Tracer::limit_bands`] judges by.
 const PROBE_SHRINK: u32 = 8;
 /// Bands of a picture that [`Tracer::limit_bands`] makes at most: as many as a set of timestamps has room for.
 const MAX_BANDS: u64 = 64;
+
+/// Makes the module of a tracer that counts, see [`OperationCounters::module`].
+type MakeModule = fn(&Gpu, ModuleLayout) -> Result<wgpu::ShaderModule, ViewerError>;
 
 /// A scene on a GPU.
 pub struct Tracer {
@@ -49,6 +54,10 @@ pub struct Tracer {
     target: Option<Target>,
     /// Pixels of a band at most.
     max_band_pixels: u64,
+    /// The band that comes next where they are drawn one by one.
+    next_band: usize,
+    /// The picture before, which is shown until all bands of the new one are drawn.
+    before: Option<Target>,
 }
 
 /// Returns the passes of a sample, in order.
@@ -92,16 +101,36 @@ impl Tracer {
         tracer: GpuTracer,
         decoder: DecoderForm,
     ) -> Result<Tracer, ViewerError> {
-        Tracer::with_counters(gpu, scene, tracer, decoder, None)
+        Tracer::with_counters(gpu, scene, tracer, decoder, None, None)
+    }
+
+    /// Uploads `scene` like [`Tracer::new`], with the pipelines of another scene's tracer where they fit: nothing is compiled
+    /// then.
+    ///
+    /// # Errors
+    /// As [`Tracer::new`].
+    pub(crate) fn with_pipelines(
+        gpu: &Gpu,
+        scene: &Scene,
+        tracer: GpuTracer,
+        pipelines: Option<Pipelines>,
+    ) -> Result<Tracer, ViewerError> {
+        Tracer::with_counters(gpu, scene, tracer, DecoderForm::default(), None, pipelines)
+    }
+
+    /// Returns what another scene's tracer can use, and the picture that is shown until that has one.
+    pub(crate) fn into_rest(self) -> (Pipelines, Option<Target>) {
+        (self.pipelines, self.before.or(self.target))
     }
 
     /// Uploads `scene` for a tracer that counts its operations, with the hierarchy in storage buffers. It is slower.
     ///
     /// # Errors
     /// As [`Tracer::new`].
+    #[cfg(not(target_arch = "wasm32"))]
     pub(crate) fn counting(gpu: &Gpu, scene: &Scene) -> Result<Tracer, ViewerError> {
-        let counters = OperationCounters::new(gpu)?;
-        Tracer::with_counters(gpu, scene, GpuTracer::Bvh, DecoderForm::default(), Some(counters))
+        let counters = (OperationCounters::new(gpu)?, OperationCounters::module as MakeModule);
+        Tracer::with_counters(gpu, scene, GpuTracer::Bvh, DecoderForm::default(), Some(counters), None)
     }
 
     fn with_counters(
@@ -109,7 +138,8 @@ impl Tracer {
         scene: &Scene,
         tracer: GpuTracer,
         decoder: DecoderForm,
-        counters: Option<OperationCounters>,
+        counting: Option<(OperationCounters, MakeModule)>,
+        pipelines: Option<Pipelines>,
     ) -> Result<Tracer, ViewerError> {
         gpu.require(tracer)?;
         let words = SceneWords::new(gpu, scene)?;
@@ -122,17 +152,23 @@ impl Tracer {
         }
         let bytes = (size_of::<GpuMaterial>() * MAX_MATERIALS) as u64;
         let materials = gpu.empty_buffer("materials", bytes, BufferUsages::UNIFORM)?;
-        let module = match &counters {
-            Some(_) => OperationCounters::module(gpu, structure.cut)?,
-            None => gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(tracer.name()),
-                source: wgpu::ShaderSource::Wgsl(trace_module(tracer, structure.cut).into()),
-            }),
-        };
         let scene_layout = scene_layout(gpu, words.pieces().layout);
-        let counters_layout = counters.as_ref().map(|counters| &counters.layout);
-        let layouts: Vec<_> = [&scene_layout, &structure.layout].into_iter().chain(counters_layout).collect();
-        let pipelines = Pipelines::new(gpu, module, &layouts);
+        let of = (tracer, structure.cut);
+        let pipelines = match pipelines.filter(|pipelines| counting.is_none() && pipelines.are_of(gpu, of)) {
+            Some(pipelines) => pipelines,
+            None => {
+                let module = match &counting {
+                    Some((_, make)) => make(gpu, structure.cut)?,
+                    None => gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                        label: Some(tracer.name()),
+                        source: wgpu::ShaderSource::Wgsl(trace_module(tracer, structure.cut).into()),
+                    }),
+                };
+                let counters_layout = counting.as_ref().map(|(counters, _)| &counters.layout);
+                let layouts: Vec<_> = [&scene_layout, &structure.layout].into_iter().chain(counters_layout).collect();
+                Pipelines::new(gpu, counting.is_none().then_some(of), module, &layouts)
+            }
+        };
         let frame = gpu.empty_buffer("frame", size_of::<GpuFrame>() as u64, BufferUsages::UNIFORM)?;
         let light_capacity = scene.lights.len().max(1);
         let lights = light_buffer(gpu, light_capacity)?;
@@ -143,7 +179,7 @@ impl Tracer {
             scene_layout,
             decoder,
             pipelines,
-            counters,
+            counters: counting.map(|(counters, _)| counters),
             frame,
             materials,
             lights,
@@ -153,6 +189,8 @@ impl Tracer {
             widest_leaf: scene.geometry.widest_leaf(),
             target: None,
             max_band_pixels: MAX_BAND_PIXELS,
+            next_band: 0,
+            before: None,
         })
     }
 
@@ -213,6 +251,50 @@ impl Tracer {
         Ok(())
     }
 
+    /// Draws the next band of a sample, of `band_pixels` at most (which the first sample settles), and submits the work.
+    /// Returns the pixels that it has, and whether it is the last one.
+    ///
+    /// # Errors
+    /// As [`Tracer::sample`].
+    pub(crate) fn sample_band(&mut self, request: &FrameRequest, band_pixels: u64) -> Result<(u64, bool), ViewerError> {
+        let passes = passes_of(request.scene, &request.options);
+        if self.next_band == 0 {
+            let has = (self.size(), self.max_band_pixels);
+            if request.sample == 0 && has != (Some(request.size), band_pixels) {
+                self.max_band_pixels = band_pixels;
+                // A picture that is not whole is not worth showing.
+                let whole = self.target.take();
+                self.before = self.before.take().or(whole);
+            }
+            self.prepare(request, &passes)?;
+            self.write_scene(request.scene);
+        }
+        let Some(band) = self.bands().get(self.next_band) else { return Ok((0, true)) };
+        self.write_frame(request, band);
+        let [width, height] = self.pipelines.group();
+        let groups = [request.size[0].div_ceil(width), band.rows.div_ceil(height)];
+        self.dispatch(band, &passes, groups, None);
+        let pixels = u64::from(request.size[0]) * u64::from(band.rows);
+        let is_last = self.next_band + 1 == self.bands().len();
+        self.next_band = if is_last { 0 } else { self.next_band + 1 };
+        if is_last {
+            self.before = None;
+        }
+        Ok((pixels, is_last))
+    }
+
+    /// Has the next band be the first one of another sample.
+    pub(crate) fn restart_bands(&mut self) {
+        self.next_band = 0;
+    }
+
+    /// Returns the size of the picture that is shown, and its bands from the top: the one before, while the new one has no whole
+    /// sample.
+    pub(crate) fn shown(&self) -> Option<([u32; 2], &[Band])> {
+        let target = self.before.as_ref().or(self.target.as_ref())?;
+        Some((target.size, &target.bands))
+    }
+
     /// Runs [`Tracer::sample`] and waits: returns how long it took, milliseconds, and by kind of pass. With a `timer`
     /// that is the GPU's time for the passes, else the time until they were finished.
     ///
@@ -250,6 +332,10 @@ impl Tracer {
         let mut met = [false; PASSES];
         passes.retain(|pass| !std::mem::replace(&mut met[*pass as usize], true));
         preparation.begin(passes.len());
+        if IN_BROWSER {
+            // Pipelines are compiled beside each other, and nobody can wait for them here.
+            return self.prepare(&first, &passes);
+        }
         for pass in passes {
             if preparation.is_abandoned() {
                 return Err(ViewerError::Interrupted);
@@ -398,6 +484,16 @@ impl Tracer {
     pub fn read_radiance(&self) -> Result<Vec<[f32; 3]>, ViewerError> {
         let pixels = self.target.as_ref().map(|target| target.read(&self.gpu)).transpose()?;
         Ok(pixels.iter().flatten().map(|pixel| pixel.radiance()).collect())
+    }
+
+    /// Begins to read the mean linear radiance; `None` before the first sample.
+    ///
+    /// # Errors
+    /// [`ViewerError::Gpu`] where the driver has no memory for the copies.
+    pub(crate) fn begin_read(&self) -> Result<Option<Reading>, ViewerError> {
+        let Some(target) = self.before.as_ref().or(self.target.as_ref()) else { return Ok(None) };
+        let (gpu, bands) = (Box::new(self.gpu.clone()), target.begin_read(&self.gpu)?);
+        Ok(Some(Reading::Bands { gpu, size: target.size, bands, pixels: Vec::new() }))
     }
 
     /// Reads what the last sample of every pixel did; empty before the first sample.

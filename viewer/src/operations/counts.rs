@@ -5,6 +5,10 @@ use std::ops::AddAssign;
 
 /// Kinds of operations that are counted apart.
 pub(crate) const KINDS: usize = 7;
+/// Parts of a shader whose operations are counted apart, at most.
+pub(crate) const PARTS: usize = 4;
+/// Counters of a thread.
+pub(crate) const COUNTERS: usize = PARTS * KINDS;
 
 /// Operations of shaders. A vector of three counts as three; what is known before the shader runs counts nothing, nor do moves,
 /// bit casts and calls.

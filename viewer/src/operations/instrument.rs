@@ -2,16 +2,12 @@
 //! thread, and at the end of an entry point these are added to a buffer.
 
 use crate::operations::cost::Counted;
-use crate::operations::counts::{KINDS, OperationCounts};
+use crate::operations::counts::{COUNTERS, KINDS, OperationCounts, PARTS};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{
     Arena, BinaryOperator, Block, Expression, Function, GlobalVariable, Handle, Literal, Module, Range, Span, Statement,
 };
 
-/// Parts of a shader whose operations are counted apart, at most.
-pub(crate) const PARTS: usize = 4;
-/// Counters of a thread.
-pub(crate) const COUNTERS: usize = PARTS * KINDS;
 /// Declares the counters, and adds those of a thread to the buffer's.
 const COUNTERS_WGSL: &str = include_str!("../shaders/counters.wgsl");
 /// Capabilities of the shaders; those of ray queries are not among them.

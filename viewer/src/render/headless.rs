@@ -5,8 +5,8 @@ use crate::error::ViewerError;
 use crate::gpu::backend::BackendChoice;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::FrameRequest;
+use crate::gpu::results::timer::{GpuTimer, PassTimes};
 use crate::gpu::scene_change::SceneChange;
-use crate::gpu::timer::{GpuTimer, PassTimes};
 use crate::gpu::tracer::Tracer;
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
 use crate::picture::Picture;
@@ -16,7 +16,7 @@ use crate::render::engine::Engine;
 use crate::render::governor::{Governor, Spending};
 use crate::scene::scene::Scene;
 use serde::Serialize;
-use std::time::Instant;
+use web_time::Instant;
 
 /// Largest picture side, pixels.
 pub const MAX_SIDE: u32 = 16384;

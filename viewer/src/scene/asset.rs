@@ -1,7 +1,7 @@
 //! A packed asset of a scene, in either form.
 
 use crate::error::ViewerError;
-use btf_capture::SharedBytes;
+use btf_capture::{CaptureError, SharedBytes};
 use btf_runtime::{
     Asset, Edits, FormatError, HeightField, PackedGoal, Resident, ResidentFile, SurfaceSide, with_levels,
 };
@@ -62,8 +62,10 @@ impl SceneAsset {
     pub fn load(path: &Path) -> Result<SceneAsset, ViewerError> {
         let bad = |source| ViewerError::Asset { path: path.into(), source };
         // What cannot be opened is told in our own words.
-        std::fs::File::open(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
-        let bytes = SharedBytes::map(path)?;
+        let bytes = SharedBytes::map(path).map_err(|error| match error {
+            CaptureError::Read { path, source } => ViewerError::Read { path, source },
+            other => other.into(),
+        })?;
         let name = path.file_stem().map_or_else(|| "asset".into(), |stem| stem.to_string_lossy().into_owned());
         let made = match bytes {
             Some(bytes) if ResidentFile::is_one(bytes.as_ref()) => {
@@ -115,6 +117,13 @@ impl SceneAsset {
                 self.name
             ))
         })
+    }
+
+    /// Returns the file in file form that an asset in resident form was made of, where both lie as pages have them:
+    /// `cloth.spmm` of `expanded/cloth.spmm`.
+    pub fn original(&self) -> Option<PathBuf> {
+        let original = self.path.as_ref()?.strip_prefix("expanded").ok()?;
+        (self.file.is_none() && btf_capture::files::exists(original)).then(|| original.into())
     }
 
     /// Makes the small asset that comes with the viewer: 64 x 64 texels of woven cloth, 4 components. It was made by

@@ -55,7 +55,8 @@ pub fn own_bodies(path: &Path) -> Result<OwnBodies, ViewerError> {
             (Value::String(uri), None) => {
                 let file = beside(path, uri);
                 let asset = SceneAsset::load(&file)?;
-                let bytes = std::fs::read(&file).map_err(|source| ViewerError::Read { path: file, source })?;
+                let bytes =
+                    btf_capture::files::read(&file).map_err(|source| ViewerError::Read { path: file, source })?;
                 (asset, bytes)
             }
             (Value::Null, Some(view)) => {

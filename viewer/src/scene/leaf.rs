@@ -1,6 +1,7 @@
 //! A leaf that is evaluated live: its description, its appearance textures, and the words that decoders read.
 
 use crate::error::ViewerError;
+use btf_capture::files;
 use btf_models::{LeafDescription, TextureImages, TextureKind};
 use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture};
 use rayon::prelude::*;
@@ -75,7 +76,7 @@ impl SceneLeaf {
     /// # Errors
     /// [`ViewerError::Usage`] for a file that is there and no leaf's description; those of [`LeafDescription::write`].
     pub fn save(&self, path: &Path) -> Result<(), ViewerError> {
-        if path.exists() && LeafDescription::read(path).is_err() {
+        if files::exists(path) && LeafDescription::read(path).is_err() {
             let name = path.display();
             return Err(ViewerError::Usage(format!(
                 "{name} is there and no description of a leaf; choose another name"

@@ -23,7 +23,7 @@ pub fn load_volume(path: &Path) -> Result<Arc<Voltex>, ViewerError> {
 /// # Errors
 /// The errors of [`load_volume`].
 pub(crate) fn read_volume(path: &Path) -> Result<Volume, ViewerError> {
-    let bytes = std::fs::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
+    let bytes = btf_capture::files::read(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
     Volume::parse(&bytes).map_err(|source| ViewerError::Volume { path: path.into(), source })
 }
 

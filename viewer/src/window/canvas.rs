@@ -1,51 +1,41 @@
 //! The window as what is drawn on: its surface, the GPU behind it, and the user interface's painter.
 
 use crate::error::ViewerError;
-use crate::gpu::device::{Gpu, instance, one_line};
-use std::sync::Arc;
-use winit::event_loop::ActiveEventLoop;
-use winit::window::Window;
+use crate::gpu::device::Gpu;
 
-/// Makes the error of a window that cannot be opened. winit puts the place in its own source before what happened; a
-/// user needs only the latter.
-pub(super) fn no_window(error: &dyn std::fmt::Display) -> ViewerError {
-    let message = one_line(&error.to_string());
-    let what = match message.split_once(".rs:") {
-        Some((_, rest)) => rest.split_once(": ").map_or(rest, |(_, what)| what),
-        None => &message,
-    };
-    ViewerError::Window(what.trim_end_matches('.').into())
+/// What shows a canvas.
+pub(super) trait Host {
+    /// Makes the surface to draw on.
+    ///
+    /// # Errors
+    /// [`ViewerError::Window`].
+    fn make_surface(&self, instance: &wgpu::Instance) -> Result<wgpu::Surface<'static>, ViewerError>;
+
+    /// Tells that a frame is about to be shown.
+    fn before_presenting(&self) {}
 }
 
-/// A window and what draws in it.
+/// A surface and what draws on it.
 pub(super) struct Canvas {
-    pub window: Arc<Window>,
     pub gpu: Gpu,
     pub context: egui::Context,
-    pub input: egui_winit::State,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     painter: egui_wgpu::Renderer,
+    host: Box<dyn Host>,
 }
 
 impl Canvas {
-    /// Opens a window of a title and a size in pixels on an adapter that can show it.
+    /// Prepares to draw on a surface of `size` pixels that `host` has made.
     ///
     /// # Errors
-    /// [`ViewerError::Window`], [`ViewerError::NoAdapter`] and [`ViewerError::Gpu`].
-    pub fn open(
-        event_loop: &ActiveEventLoop,
-        title: &str,
-        [width, height]: [u32; 2],
-        adapter: Option<&str>,
+    /// [`ViewerError::Gpu`] where the adapter cannot.
+    pub fn new(
+        gpu: Gpu,
+        surface: wgpu::Surface<'static>,
+        size: [u32; 2],
+        host: Box<dyn Host>,
     ) -> Result<Canvas, ViewerError> {
-        let size = winit::dpi::PhysicalSize::new(width, height);
-        let attributes = Window::default_attributes().with_title(title).with_inner_size(size);
-        let window = Arc::new(event_loop.create_window(attributes).map_err(|error| no_window(&error))?);
-        let instance = instance(Some(Box::new(event_loop.owned_display_handle())));
-        let surface = instance.create_surface(window.clone()).map_err(|error| no_window(&error))?;
-        let gpu = Gpu::open(instance, Some(&surface), adapter)?;
-
         let capabilities = surface.get_capabilities(&gpu.adapter);
         // egui blends in gamma space and the blit applies the sRGB curve itself.
         let format = capabilities
@@ -54,26 +44,16 @@ impl Canvas {
             .copied()
             .find(|format| matches!(format, wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Rgba8Unorm));
         let format = format.ok_or_else(|| gpu.error("its surface offers no 8-bit format without an sRGB curve"))?;
-        let size = window.inner_size();
+        let [width, height] = size.map(|side| side.max(1));
         let mut config = surface
-            .get_default_config(&gpu.adapter, size.width.max(1), size.height.max(1))
+            .get_default_config(&gpu.adapter, width, height)
             .ok_or_else(|| gpu.error("it cannot show this window"))?;
         config.format = format;
         config.view_formats.clear();
         config.present_mode = wgpu::PresentMode::AutoVsync;
         surface.configure(&gpu.device, &config);
-
-        let context = egui::Context::default();
-        let input = egui_winit::State::new(
-            context.clone(),
-            egui::ViewportId::ROOT,
-            &window,
-            Some(window.scale_factor() as f32),
-            None,
-            Some(gpu.device.limits().max_texture_dimension_2d as usize),
-        );
         let painter = egui_wgpu::Renderer::new(&gpu.device, format, Default::default());
-        Ok(Canvas { window, gpu, context, input, surface, config, painter })
+        Ok(Canvas { gpu, context: egui::Context::default(), surface, config, painter, host })
     }
 
     /// Returns the format of the pixels.
@@ -86,18 +66,14 @@ impl Canvas {
         [self.config.width, self.config.height]
     }
 
-    /// Follows the window to another size in pixels. A minimised window has size 0, which a surface does not take.
-    pub fn resize(&mut self, width: u32, height: u32) {
-        if width == 0 || height == 0 {
-            return;
-        }
+    /// Follows the window to another size in pixels, above 0.
+    pub fn resize(&mut self, size: [u32; 2]) {
         let most = self.gpu.device.limits().max_texture_dimension_2d;
-        (self.config.width, self.config.height) = (width.min(most), height.min(most));
+        [self.config.width, self.config.height] = size.map(|side| side.clamp(1, most));
         self.surface.configure(&self.gpu.device, &self.config);
-        self.window.request_redraw();
     }
 
-    /// Shows what `draw` draws, and the user interface on top.
+    /// Shows what `draw` draws, and the user interface on top; `true` if it must be drawn again to be seen.
     ///
     /// # Errors
     /// The errors of `draw`, and what the driver reported.
@@ -105,7 +81,7 @@ impl Canvas {
         &mut self,
         mut output: egui::FullOutput,
         draw: impl FnOnce(&Gpu, &mut wgpu::RenderPass<'static>) -> Result<(), ViewerError>,
-    ) -> Result<(), ViewerError> {
+    ) -> Result<bool, ViewerError> {
         let screen =
             egui_wgpu::ScreenDescriptor { size_in_pixels: self.size(), pixels_per_point: output.pixels_per_point };
         let jobs = self.context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point);
@@ -125,8 +101,7 @@ impl Canvas {
             Current::Timeout | Current::Occluded => (None, false),
             Current::Outdated => (None, true),
             Current::Lost => {
-                self.surface =
-                    self.gpu.instance.create_surface(self.window.clone()).map_err(|error| no_window(&error))?;
+                self.surface = self.host.make_surface(&self.gpu.instance)?;
                 (None, true)
             }
             Current::Validation => {
@@ -136,7 +111,7 @@ impl Canvas {
         };
         if let Some(frame) = frame {
             self.paint(&frame.texture, &jobs, &screen, draw)?;
-            self.window.pre_present_notify();
+            self.host.before_presenting();
             self.gpu.queue.present(frame);
         }
         for id in freed {
@@ -144,9 +119,8 @@ impl Canvas {
         }
         if stale {
             self.surface.configure(&self.gpu.device, &self.config);
-            self.window.request_redraw();
         }
-        self.gpu.check()
+        self.gpu.check().map(|()| stale)
     }
 
     fn paint(

@@ -1,12 +1,12 @@
 //! What the user holds in hand beside the scene: the panel, what the window remembers, and what goes on.
 
-use super::files::Turntable;
 use super::panels::open_dialog::{Choice, OpenDialog};
 use super::panels::panel::Panel;
 use super::panels::thumbnails::Thumbnails;
 use super::panels::unsaved::UnsavedDialog;
-use super::renderer::Renderer;
+use super::pictures::renderer::Renderer;
 use super::settings::Settings;
+use super::turntable::Turntable;
 use crate::error::ViewerError;
 use crate::gpu::backend::BackendChoice;
 use crate::gpu::backend::GpuTracer;
@@ -34,6 +34,13 @@ pub(super) struct Controls {
     pub folder: Option<PathBuf>,
     /// Whether the keys are explained.
     pub help: bool,
+    /// Whether the panel of a narrow window is open, and that of its leaves.
+    pub narrow_panel_is_open: bool,
+    pub narrow_leaf_is_open: bool,
+    /// Whether the host has a choice of files of its own.
+    pub host_chooses_files: bool,
+    /// Whether the host is to show it.
+    pub file_wanted: bool,
     /// Message of the latest saving or opening.
     pub message: Option<String>,
 }
@@ -51,6 +58,10 @@ impl Controls {
             open_dialog: None,
             folder: None,
             help: false,
+            narrow_panel_is_open: false,
+            narrow_leaf_is_open: false,
+            host_chooses_files: false,
+            file_wanted: false,
             message: None,
         }
     }
@@ -69,6 +80,10 @@ impl Controls {
 
     /// Begins the choice of a file to open, unless a dialog is there.
     pub fn choose_file(&mut self) {
+        if self.host_chooses_files {
+            self.file_wanted = true;
+            return;
+        }
         if !self.asks() {
             let here = || std::env::current_dir().unwrap_or_default();
             self.open_dialog = Some(OpenDialog::new(self.folder.clone().unwrap_or_else(here)));

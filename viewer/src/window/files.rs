@@ -1,13 +1,11 @@
-//! Files that the window takes in and gives out: dropped or named ones, pictures and turntables.
+//! Files that the window takes in and gives out: dropped or named ones, and names that are free.
 
 use crate::error::ViewerError;
 use crate::light::environment::Environment;
-use crate::picture::Picture;
 use crate::scene::asset::SceneAsset;
-use crate::scene::file::load_scene;
+use crate::scene::file::{load_scene, volume_scene};
 use crate::scene::material::Shown;
 use crate::scene::scene::{MeshChoice, Scene};
-use btf_capture::atomic::create_folder;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -27,7 +25,7 @@ impl Replaced {
     pub(crate) fn by(path: &Path, asset: usize) -> Replaced {
         match extension(path).as_str() {
             "spmm" => Replaced::Asset(asset),
-            "toml" => Replaced::Scene,
+            "toml" | "voltex" => Replaced::Scene,
             _ => Replaced::Nothing,
         }
     }
@@ -48,7 +46,7 @@ impl Replaced {
 }
 
 /// Extensions of the files that the window opens.
-const KNOWN: [&str; 7] = ["spmm", "obj", "gltf", "glb", "hdr", "exr", "toml"];
+const KNOWN: [&str; 8] = ["spmm", "obj", "gltf", "glb", "hdr", "exr", "toml", "voltex"];
 
 /// Tells whether a file is of a kind that [`open_file`] takes, by its name.
 pub(crate) fn is_known(path: &Path) -> bool {
@@ -61,7 +59,7 @@ fn extension(path: &Path) -> String {
 }
 
 /// Takes a file into the scene: an asset in place of number `asset`, a mesh in place of all objects, a picture of light
-/// around it, or another scene.
+/// around it, or another scene or volume in place of all.
 ///
 /// # Errors
 /// The errors of the file's kind; [`ViewerError::Usage`] for another kind. The scene is then as it was.
@@ -103,9 +101,10 @@ pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<
             }
         }
         "toml" => *scene = load_scene(path, Vec::new())?,
+        "voltex" => *scene = volume_scene(path)?,
         _ => {
             return Err(ViewerError::Usage(format!(
-                "{}: drop an asset (.spmm), a mesh (.obj, .gltf, .glb), a picture of light (.hdr, .exr) or a scene (.toml)",
+                "{}: drop an asset (.spmm), a mesh (.obj, .gltf, .glb), a picture of light (.hdr, .exr), a volume (.voltex) or a scene (.toml)",
                 path.display()
             )));
         }
@@ -117,40 +116,6 @@ pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<
 pub(crate) fn free_name(name: &str, suffix: &str) -> PathBuf {
     let numbered = |number: u32| PathBuf::from(format!("{name}_{number:03}{suffix}"));
     (1..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(0))
-}
-
-/// A turntable in the making: pictures around the scene, in a folder.
-pub(crate) struct Turntable {
-    pub folder: PathBuf,
-    /// Pictures that are written.
-    pub done: u32,
-}
-
-impl Turntable {
-    /// Pictures of a whole turn.
-    pub(crate) const PICTURES: u32 = 36;
-    /// Samples per pixel of each picture.
-    pub(crate) const SAMPLES: u32 = 16;
-
-    /// Begins a turntable in a new folder.
-    ///
-    /// # Errors
-    /// [`ViewerError::Write`] where it cannot be made.
-    pub(crate) fn new() -> Result<Turntable, ViewerError> {
-        let folder = free_name("btf-view_turntable", "");
-        create_folder(&folder)?;
-        Ok(Turntable { folder, done: 0 })
-    }
-
-    /// Writes the next picture; returns `true` if it was the last one.
-    ///
-    /// # Errors
-    /// The errors of [`Picture::write_png`].
-    pub(crate) fn write(&mut self, picture: &Picture, exposure_ev: f32) -> Result<bool, ViewerError> {
-        picture.write_png(&self.folder.join(format!("{:03}.png", self.done)), exposure_ev)?;
-        self.done += 1;
-        Ok(self.done == Turntable::PICTURES)
-    }
 }
 
 #[cfg(test)]

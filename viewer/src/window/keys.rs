@@ -4,8 +4,8 @@ use super::controls::Controls;
 use super::editing::document::Document;
 use super::editing::editor::Tool;
 use super::panels::asked::{Asked, Export};
+use super::pictures::split::Split;
 use super::pressed::is_pressed;
-use super::split::Split;
 use egui::{Key, Modifiers};
 
 /// Radii of the scene that the eye flies in a second.
@@ -28,7 +28,7 @@ const KEYS: &str = "drag: turn; Shift or right drag: move\n\
     Ctrl+Z, Ctrl+Shift+Z: edits back and forth\n\
     Ctrl+O: a file to open is chosen\n\
     Ctrl+S: all edits saved; Ctrl+Q: window closed\n\
-    drop .spmm on what it is to cover, or to compare a leaf with; .obj .gltf .glb, .hdr .exr, .toml anywhere\n\
+    drop .spmm on what it is to cover, or to compare a leaf with; .obj .gltf .glb, .hdr .exr, .toml, .voltex anywhere\n\
     H or F1: this";
 
 /// Takes steps of editing back, or does them again, where Ctrl+Z and Ctrl+Shift+Z ask for it; returns `true` if one of

@@ -1,4 +1,4 @@
-//! What the mouse does on the picture: it turns and moves the camera, sets what that turns about, or paints.
+//! What the mouse and fingers do on the picture: they turn and move the camera, set what that turns about, or paint.
 
 use super::editing::document::Document;
 use super::editing::editor::Tool;
@@ -63,6 +63,13 @@ impl PictureArea {
         let response = &self.response;
         if let Some(at) = response.interact_pointer_pos().filter(|_| response.double_clicked() && !painting) {
             *pivot = pick_surface(scene, self.size, self.pixel_at(at)).map(|seen| seen.position);
+        }
+        if let Some(touch) = ui.input(|input| input.multi_touch()) {
+            // Two fingers come nearer and move.
+            let moved = touch.translation_delta / self.rect.width().min(self.rect.height()).max(1.0);
+            scene.camera.pan(moved.x, -moved.y);
+            zoom(scene, self.size, self.pixel_at(touch.center_pos), 1.0 / touch.zoom_delta);
+            return;
         }
         let drag = response.drag_delta() / self.rect.width().min(self.rect.height()).max(1.0);
         let moving = response.dragged_by(egui::PointerButton::Secondary)

@@ -1,10 +1,9 @@
 //! What exists once the window does, drawn frame by frame: what the user works on, its pictures, and the controls.
 
-use super::blit::Blit;
 use super::canvas::Canvas;
 use super::controls::{Controls, renderers_of};
 use super::editing::document::{Document, Unsaved};
-use super::files::{Turntable, free_name};
+use super::files::free_name;
 use super::keys::{follow_keys, show_help, undo_and_redo};
 use super::light_handles::show_light_handles;
 use super::mouse::{PictureArea, is_painting};
@@ -13,11 +12,14 @@ use super::panels::panel::Panel;
 use super::panels::physiology::show_physiology;
 use super::panels::status::Status;
 use super::panels::unsaved::{Answer, Loss, UnsavedDialog};
-use super::pictures::Pictures;
-use super::preparing::POLL;
+use super::pictures::blit::Blit;
+use super::pictures::pictures::Pictures;
+use super::pictures::preparing::POLL;
+use super::pictures::split::Split;
 use super::settings::Settings;
-use super::split::Split;
+use super::turntable::Turntable;
 use crate::error::ViewerError;
+use crate::gpu::results::reading::Reading;
 use crate::gpu::scene_change::SceneChange;
 use crate::scene::asset::SceneAsset;
 use crate::scene::material::Body;
@@ -25,30 +27,46 @@ use crate::scene::scene::Scene;
 use crate::window_params::WindowParams;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-use winit::event_loop::{ActiveEventLoop, ControlFlow};
+use std::time::Duration;
 
 /// Width of the panel in points.
 const PANEL_WIDTH: f32 = 290.0;
 /// Width of the panel of leaves.
 const PHYSIOLOGY_WIDTH: f32 = 340.0;
-/// Title of a window whose edits are saved.
-const TITLE: &str = "BTF viewer";
+/// Width below which a window has its panels under the picture, one at a time, points.
+const NARROW: f32 = 640.0;
+/// Share of a narrow window's height that a panel takes.
+const NARROW_SHARE: f32 = 0.5;
 /// Title of a window with unsaved edits.
 const UNSAVED_TITLE: &str = "* BTF viewer";
 
 /// Everything that exists once the window does.
 pub(super) struct View {
     pub canvas: Canvas,
-    /// Whether other windows cover this one.
-    pub occluded: bool,
     /// Whether the window is to be closed after this frame.
     pub closing: bool,
     blit: Blit,
     document: Document,
     pictures: Pictures,
     controls: Controls,
-    title: &'static str,
+    /// Width and height of the area that shows the picture, pixels.
+    area: [u32; 2],
+    /// The picture that is being saved.
+    saving: Option<Reading>,
+    /// Files that the host wants opened.
+    handed_over: Vec<PathBuf>,
+}
+
+/// What a frame leaves to the window's host.
+pub(super) struct Drawn {
+    /// The pointer's shape, copied text and the like.
+    pub platform: egui::PlatformOutput,
+    /// The window's title.
+    pub title: &'static str,
+    /// Time to the next frame, if nothing happens before; 0 for at once.
+    pub repaint_in: Duration,
+    /// Whether the pictures go on, which the next frame shows.
+    pub goes_on: bool,
 }
 
 /// Result of a frame.
@@ -60,14 +78,14 @@ struct Frame {
 }
 
 impl View {
-    /// Opens the window on a scene.
+    /// Title of a window whose edits are saved.
+    pub const TITLE: &str = "BTF viewer";
+
+    /// Shows a scene on a canvas.
     ///
     /// # Errors
-    /// [`ViewerError::Window`], [`ViewerError::NoAdapter`] and [`ViewerError::Gpu`].
-    pub fn new(event_loop: &ActiveEventLoop, scene: Scene, params: &WindowParams) -> Result<View, ViewerError> {
-        let settings = Settings::load();
-        let size = params.size.unwrap_or(settings.size);
-        let canvas = Canvas::open(event_loop, TITLE, size, params.adapter.as_deref())?;
+    /// [`ViewerError::NoAdapter`] and [`ViewerError::Gpu`].
+    pub fn new(canvas: Canvas, scene: Scene, params: &WindowParams, settings: Settings) -> Result<View, ViewerError> {
         let gpu = &canvas.gpu;
         let blit = Blit::new(gpu, canvas.format())?;
         let (renderers, renderer) = renderers_of(gpu, params.backend, &settings)?;
@@ -80,9 +98,10 @@ impl View {
         Ok(View {
             pictures: Pictures::new(gpu, &document.scene, params.shade, params.target_ms, split)?,
             controls: Controls::new(panel, renderers, settings),
-            occluded: false,
             closing: false,
-            title: TITLE,
+            area: [1; 2],
+            saving: None,
+            handed_over: Vec::new(),
             canvas,
             blit,
             document,
@@ -92,35 +111,23 @@ impl View {
     /// Closes the window after this frame, or asks first where edits are unsaved.
     pub fn close(&mut self) {
         self.lose(Loss::Close, self.document.unsaved());
-        self.canvas.window.request_redraw();
     }
 
-    /// Writes what the next run begins with.
-    pub fn remember(&mut self) {
-        let size = self.canvas.window.inner_size();
+    /// Writes what the next run begins with, in a window of `size` pixels.
+    pub fn remember(&mut self, size: [u32; 2]) {
         let settings = &mut self.controls.settings;
-        settings.size = [size.width, size.height];
+        settings.size = size;
         settings.renderer = Some(self.controls.panel.renderer.name().into());
         settings.brush_radius = self.document.editor.radius;
         settings.difference_gain = self.pictures.split.gain;
         settings.save();
     }
 
-    fn hidden(&self) -> bool {
-        let size = self.canvas.window.inner_size();
-        self.occluded || size.width == 0 || size.height == 0
-    }
-
-    /// Draws a frame, and asks for the next one where there is more to draw.
+    /// Takes what the user did and draws a frame.
     ///
     /// # Errors
     /// What the driver reported.
-    pub fn redraw(&mut self, event_loop: &ActiveEventLoop) -> Result<(), ViewerError> {
-        if self.hidden() {
-            return Ok(());
-        }
-        // Take what the user did.
-        let input = self.canvas.input.take_egui_input(&self.canvas.window);
+    pub fn redraw(&mut self, input: egui::RawInput) -> Result<Drawn, ViewerError> {
         let renderer_before = self.controls.panel.renderer;
         let context = self.canvas.context.clone();
         let mut frame = Frame { size: [1, 1], changed: false };
@@ -139,33 +146,23 @@ impl View {
         }
         self.pictures.advance(&self.document, panel.renderer, &panel.shade, size);
         changed |= self.go_round();
+        self.go_on_saving();
         // Show them.
-        self.show_title();
-        self.canvas.input.handle_platform_output(&self.canvas.window, std::mem::take(&mut output.platform_output));
+        let platform = std::mem::take(&mut output.platform_output);
         let root = output.viewport_output.get(&egui::ViewportId::ROOT);
         let mut delay = root.map_or(Duration::MAX, |viewport| viewport.repaint_delay);
         if self.pictures.preparation().is_some() {
             delay = delay.min(POLL);
         }
         let View { canvas, blit, pictures, document, .. } = self;
-        canvas.present(output, |gpu, pass| pictures.draw(gpu, pass, blit, document.scene.exposure_ev, size))?;
-
-        if self.pictures.go_on(&self.document.scene) || changed || delay.is_zero() {
-            self.canvas.window.request_redraw();
-        }
-        // A far deadline overflows; then nothing but an event wakes us.
-        event_loop
-            .set_control_flow(Instant::now().checked_add(delay).map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
-        Ok(())
-    }
-
-    /// Marks the title of a window with unsaved edits.
-    fn show_title(&mut self) {
-        let title = if self.document.has_unsaved() { UNSAVED_TITLE } else { TITLE };
-        if title != self.title {
-            self.title = title;
-            self.canvas.window.set_title(title);
-        }
+        let stale =
+            canvas.present(output, |gpu, pass| pictures.draw(gpu, pass, blit, document.scene.exposure_ev, size))?;
+        let reads = self.saving.is_some() || self.controls.turntable.as_ref().is_some_and(|it| it.reading.is_some());
+        let repaint_in = if stale || changed || reads { Duration::ZERO } else { delay };
+        let goes_on = self.pictures.go_on(&self.document.scene);
+        self.area = size;
+        let title = if self.document.has_unsaved() { UNSAVED_TITLE } else { View::TITLE };
+        Ok(Drawn { platform, title, repaint_in, goes_on })
     }
 
     /// Draws the panels and does what the user asks for.
@@ -217,12 +214,24 @@ impl View {
             at_hand: document.at_hand(),
         };
         let (settings, thumbnails) = (&mut controls.settings, &controls.thumbnails);
-        let side_panel = egui::Panel::right("panel").exact_size(PANEL_WIDTH).resizable(false);
-        let shown = side_panel.show(ui, |ui| {
+        let mut show = |ui: &mut egui::Ui| {
             let area = egui::ScrollArea::vertical();
             area.show(ui, |ui| panel.show(ui, document, split, settings, thumbnails, &status)).inner
-        });
-        let mut asked = shown.inner;
+        };
+        if ui.available_width() < NARROW {
+            let is_open = &mut controls.narrow_panel_is_open;
+            let mut asked = show_below(ui, is_open, "controls", &mut show);
+            let Document { scene, physiology, .. } = document;
+            if !scene.leaves.is_empty() {
+                let is_open = &mut controls.narrow_leaf_is_open;
+                asked.leaf = show_below(ui, is_open, "leaf", |ui| {
+                    egui::ScrollArea::vertical().show(ui, |ui| show_physiology(ui, physiology, scene)).inner
+                });
+            }
+            return asked;
+        }
+        let side_panel = egui::Panel::right("panel").exact_size(PANEL_WIDTH).resizable(false);
+        let mut asked = side_panel.show(ui, show).inner;
         let Document { scene, physiology, .. } = document;
         if !scene.leaves.is_empty() {
             let side_panel = egui::Panel::right("physiology").exact_size(PHYSIOLOGY_WIDTH).resizable(false);
@@ -279,8 +288,9 @@ impl View {
     fn take_files(&mut self, ui: &egui::Ui, area: &PictureArea, asked: &mut Asked) {
         let dropped: Vec<PathBuf> =
             ui.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_path_buf()).collect());
+        let dropped = std::mem::take(&mut self.handed_over).into_iter().chain(dropped);
         let pointer = ui.input(|input| input.pointer.latest_pos()).filter(|_| asked.open.is_none());
-        for path in dropped.into_iter().chain(asked.open.take()) {
+        for path in dropped.chain(asked.open.take()) {
             let under = pointer.and_then(|at| area.pick(&self.document.scene, at)).map(|picked| picked.asset);
             let lost = self.document.lost_by_opening(&path, under.unwrap_or(self.document.editor.asset));
             self.lose(Loss::Open(path, under), lost);
@@ -394,10 +404,24 @@ impl View {
         });
     }
 
+    /// Begins to save the picture, unless one is being saved.
     fn save_picture(&mut self) {
+        if self.saving.is_some() {
+            return;
+        }
+        match self.pictures.begin_read() {
+            Ok(reading) => self.saving = Some(reading),
+            Err(error) => self.controls.message = Some(error.to_string()),
+        }
+    }
+
+    /// Writes the picture that is being saved, once it is there.
+    fn go_on_saving(&mut self) {
+        let Some(read) = self.saving.as_mut().and_then(Reading::take) else { return };
+        self.saving = None;
         let path = free_name("btf-view", ".png");
         let exposure_ev = self.document.scene.exposure_ev;
-        let written = self.pictures.read().and_then(|picture| picture.write_png(&path, exposure_ev));
+        let written = read.and_then(|picture| picture.write_png(&path, exposure_ev));
         self.controls.message = Some(match written {
             Ok(()) => format!("saved {}", path.display()),
             Err(error) => error.to_string(),
@@ -407,10 +431,22 @@ impl View {
     /// Writes a turntable's picture where one is finished, and turns the camera on; returns `true` if it did.
     fn go_round(&mut self) -> bool {
         let View { document, pictures, controls, .. } = self;
-        let ready = pictures.have(Turntable::SAMPLES, &document.scene);
-        let Some(mut turntable) = controls.turntable.take_if(|_| ready) else { return false };
+        let Some(turntable) = &mut controls.turntable else { return false };
+        if turntable.reading.is_none() && pictures.have(Turntable::SAMPLES, &document.scene) {
+            match pictures.begin_read() {
+                Ok(reading) => turntable.reading = Some(reading),
+                Err(error) => {
+                    controls.message = Some(error.to_string());
+                    controls.turntable = None;
+                    return false;
+                }
+            }
+        }
+        let Some(read) = turntable.reading.as_mut().and_then(Reading::take) else { return false };
+        let Some(mut turntable) = controls.turntable.take() else { return false };
+        turntable.reading = None;
         let exposure_ev = document.scene.exposure_ev;
-        let written = pictures.read().and_then(|picture| turntable.write(&picture, exposure_ev));
+        let written = read.and_then(|picture| turntable.write(&picture, exposure_ev));
         controls.message = Some(match written {
             Ok(last) => {
                 document.scene.camera.orbit(std::f32::consts::TAU / Turntable::PICTURES as f32, 0.0);
@@ -419,7 +455,7 @@ impl View {
                     "turntable: {} of {} in {}",
                     turntable.done,
                     Turntable::PICTURES,
-                    turntable.folder.display()
+                    turntable.place.display()
                 );
                 controls.turntable = (!last).then_some(turntable);
                 told
@@ -427,5 +463,89 @@ impl View {
             Err(error) => error.to_string(),
         });
         true
+    }
+}
+
+/// Draws a panel under the picture while it is open, with a button for that. What the panel keeps going, as the wind, goes on
+/// while it is closed.
+fn show_below<T>(
+    ui: &mut egui::Ui,
+    is_open: &mut bool,
+    name: &'static str,
+    show: impl FnOnce(&mut egui::Ui) -> T,
+) -> T {
+    egui::Panel::bottom(egui::Id::unique((name, "button"))).show(ui, |ui| {
+        *is_open ^= ui.selectable_label(*is_open, name).clicked();
+    });
+    if *is_open {
+        let height = NARROW_SHARE * ui.available_height();
+        return egui::Panel::bottom(name).exact_size(height).resizable(false).show(ui, show).inner;
+    }
+    let beside = egui::Rect::from_min_size(egui::pos2(0.0, -1e4), egui::vec2(PANEL_WIDTH, 1e3));
+    show(&mut ui.new_child(egui::UiBuilder::new().max_rect(beside).invisible()))
+}
+
+/// What the host of a page needs.
+#[cfg(target_arch = "wasm32")]
+impl View {
+    /// Shows another scene; unsaved edits are lost.
+    pub fn show(&mut self, scene: Scene) {
+        self.document = Document::new(scene, self.document.editor.radius);
+        self.controls.switch_scene(&self.document.scene);
+        self.pictures.switch_scene(&self.document);
+        self.pictures.restart();
+        self.controls.message = None;
+    }
+
+    /// Has a file opened in the next frame, as if it was dropped.
+    pub fn drop_file(&mut self, path: PathBuf) {
+        self.handed_over.push(path);
+    }
+
+    /// Has the host show its own choice of files.
+    pub fn have_host_choose_files(&mut self) {
+        self.controls.host_chooses_files = true;
+    }
+
+    /// Tells, once, whether the user wants to choose a file.
+    pub fn takes_file_choice(&mut self) -> bool {
+        std::mem::take(&mut self.controls.file_wanted)
+    }
+
+    /// Goes on with the picture; returns `true` if a frame would show something new.
+    pub fn advance(&mut self) -> bool {
+        let View { document, controls, pictures, area, .. } = self;
+        let (before, prepared) = (pictures.progress.samples, pictures.preparation().is_some());
+        pictures.advance(document, controls.panel.renderer, &controls.panel.shade, *area);
+        pictures.progress.samples != before || prepared != pictures.preparation().is_some()
+    }
+
+    /// Tells whether a frame would show nothing new, because the GPU is at work.
+    pub fn is_waiting(&mut self) -> bool {
+        self.pictures.are_at_work()
+    }
+
+    /// Returns how the scene is seen, against how it was `opened`.
+    pub fn linked(&self, opened: &Scene) -> super::link::LinkedView {
+        let (scene, shade) = (&self.document.scene, &self.controls.panel.shade);
+        super::link::LinkedView::of(scene, opened, shade, &self.pictures.split)
+    }
+
+    /// Has the scene seen as a link tells.
+    pub fn follow(&mut self, link: &super::link::LinkedView) {
+        let View { document, controls, pictures, .. } = self;
+        link.apply(&mut document.scene, &mut controls.panel, &mut pictures.split);
+        pictures.split.reset(&document.scene, document.at_hand());
+        pictures.restart();
+    }
+
+    /// Returns the samples per pixel that the picture has.
+    pub fn samples(&self) -> u32 {
+        if self.pictures.preparation().is_some() { 0 } else { self.pictures.progress.samples }
+    }
+
+    /// Returns why the renderer stopped, or the message of the latest opening or saving.
+    pub fn message(&self) -> Option<String> {
+        self.pictures.progress.problem.clone().or_else(|| self.controls.message.clone())
     }
 }

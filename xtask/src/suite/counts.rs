@@ -128,6 +128,17 @@ fn without_parentheses(text: &str) -> String {
     text.chars().filter(keep).collect()
 }
 
+/// Reads the last lines of TAP as Node.js writes it: `# pass 3`, `# fail 0`, `# cancelled 0`, `# skipped 1`. `None` where no test ran.
+pub fn from_tap(output: &str) -> Option<Counts> {
+    let number = |name: &str| -> Option<usize> {
+        output.lines().rev().find_map(|line| line.strip_prefix(name)?.trim().parse().ok())
+    };
+    let [passed, failed, skipped] = ["# pass ", "# fail ", "# skipped "].map(number);
+    let failed = failed? + number("# cancelled ").unwrap_or(0);
+    let counts = Counts { passed: passed?, failed, skipped: skipped? };
+    (counts != Counts::default()).then_some(counts)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,5 +197,13 @@ error: test run failed";
         let counts = Counts { passed: 3, failed: 1, skipped: 0 };
         assert_eq!(counts.with_skipped(2), Counts { passed: 1, failed: 1, skipped: 2 });
         assert_eq!(counts.with_skipped(9), Counts { passed: 0, failed: 1, skipped: 3 });
+    }
+
+    #[test]
+    fn tap_is_summed_up_with_what_was_skipped_or_cancelled() {
+        let output = "ok 1 - a\n# tests 6\n# pass 3\n# fail 1\n# cancelled 1\n# skipped 1\n";
+        assert_eq!(from_tap(output), Some(Counts { passed: 3, failed: 2, skipped: 1 }));
+        assert_eq!(from_tap("# pass 0\n# fail 0\n# cancelled 0\n# skipped 0\n"), None);
+        assert_eq!(from_tap("no test"), None);
     }
 }

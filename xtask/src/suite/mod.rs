@@ -1,6 +1,6 @@
 //! `cargo xtask test`: everything that CI runs, and its quick tier.
 
-mod counts;
+pub mod counts;
 mod runners;
 mod steps;
 
@@ -12,7 +12,10 @@ use crate::failure::Failure;
 use crate::metadata::Metadata;
 use crate::shell::root;
 use crate::tools::python_module::{self, Build};
-use crate::tools::{asset_tools, compilers, driver, peers, shader_tools, wasm, web_package, window_tools};
+use crate::tools::{
+    asset_tools, browser, compilers, driver, peers, shader_tools, viewer_page, wasm, wasm_bindgen, web_package,
+    window_tools,
+};
 use counts::Counts;
 use std::path::Path;
 use steps::Suite;
@@ -116,9 +119,16 @@ fn install(suite: &mut Suite, target: &Path) {
         suite.check("python", || said(python_module::build_and_test(target, Build::Tests)));
     }
     if suite.tool("WebAssembly", NO_WEB, || wasm::ensure(target)) {
-        suite.check("package for browsers", || {
+        suite.tool("browser", NO_WEB, || browser::ensure(target));
+        suite.step("package for browsers", || {
             let package = web_package::build(target, "dev").map_err(|failure| failure.to_string())?;
             web_package::test(target, &package, "dev").map_err(|failure| failure.to_string())
         });
+        if suite.tool("wasm-bindgen", NO_WEB, || wasm_bindgen::ensure(target)) {
+            suite.step("page", || {
+                let page = viewer_page::build(target, "dev").map_err(|failure| failure.to_string())?;
+                viewer_page::test(target, &page, "dev").map_err(|failure| failure.to_string())
+            });
+        }
     }
 }

@@ -3,12 +3,15 @@
 
 pub mod apt;
 pub mod asset_tools;
+pub mod browser;
 pub mod compilers;
 pub mod driver;
 mod npm;
 pub mod peers;
 pub mod python_module;
 pub mod shader_tools;
+pub mod viewer_page;
 pub mod wasm;
+pub mod wasm_bindgen;
 pub mod web_package;
 pub mod window_tools;

@@ -1,9 +1,10 @@
 //! The package for browsers and Node.js: compiles the C interface to WebAssembly, puts it beside the scripts, and runs their
 //! tests.
 
-use super::wasm;
+use super::{browser, wasm};
 use crate::failure::Failure;
 use crate::shell::{answer_of, cargo, root, run_and_read, run_checked};
+use crate::suite::counts::{Counts, from_tap};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -45,9 +46,9 @@ pub fn build(target: &Path, profile: &str) -> Result<PathBuf, Failure> {
     Ok(folder)
 }
 
-/// Runs the tests of the package in Node.js: what it answers is compared with the runtime's own answers. Returns one line with
-/// their number.
-pub fn test(target: &Path, package: &Path, profile: &str) -> Result<String, Failure> {
+/// Runs the tests of the package in Node.js: what it answers is compared with the runtime's own answers. Those in a browser are
+/// skipped where there is none.
+pub fn test(target: &Path, package: &Path, profile: &str) -> Result<Counts, Failure> {
     if answer_of(Command::new("node").arg("--version")).is_none() {
         return Err(Failure::new(
             "the package for browsers is tested in Node.js: install Node.js 20 or newer, or set BTF_SKIP_WEB=1",
@@ -63,11 +64,11 @@ pub fn test(target: &Path, package: &Path, profile: &str) -> Result<String, Fail
     let mut node = Command::new("node");
     node.args(["--test", "--test-reporter=tap"]).arg(root().join(SCRIPTS).join("tests"));
     node.env("BTF_WEB_PACKAGE", package).env("BTF_WEB_ANSWERS", &answers);
+    browser::tell(target, &mut node);
     let (status, output) = run_and_read(&mut node)?;
-    let passed = output.lines().find_map(|line| line.strip_prefix("# pass ")).unwrap_or("0").to_string();
-    match status.success() && passed != "0" {
-        true => Ok(format!("{passed} tests of the package for browsers passed")),
-        false => Err(Failure::new(format!("the tests of the package for browsers failed: see {SCRIPTS}/tests"))),
+    match from_tap(&output) {
+        Some(counts) if status.success() || counts.failed > 0 => Ok(counts),
+        _ => Err(Failure::new(format!("the tests of the package for browsers did not run: see {SCRIPTS}/tests"))),
     }
 }
 

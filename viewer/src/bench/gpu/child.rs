@@ -5,7 +5,8 @@ use crate::error::ViewerError;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 
 /// How often the process is looked at.
 const LOOK: Duration = Duration::from_millis(20);

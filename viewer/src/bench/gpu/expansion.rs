@@ -6,7 +6,7 @@ use crate::bench::gpu::workload::{ResidentForm, Workload};
 use crate::error::ViewerError;
 use crate::gpu::queries::expand_queries::{time_gpu_expand, time_upload};
 use serde::Serialize;
-use std::time::Instant;
+use web_time::Instant;
 
 /// What was measured of an asset.
 #[derive(Serialize)]

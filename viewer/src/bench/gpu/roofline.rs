@@ -8,7 +8,7 @@ use crate::gpu::device::Gpu;
 use crate::gpu::layout::bind;
 use crate::gpu::modules::ROOFLINE;
 use serde::Serialize;
-use std::time::Instant;
+use web_time::Instant;
 use wgpu::BufferUsages;
 
 /// Bytes that are copied: far more than caches hold. In quick runs fewer.

@@ -9,7 +9,8 @@ use crate::render::control::Control;
 use btf_capture::atomic::{create_folder, write_file_atomically};
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 
 /// Seconds without which a step is not begun.
 const MIN_S: f64 = 5.0;

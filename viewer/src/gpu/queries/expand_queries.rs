@@ -4,6 +4,7 @@ use crate::error::ViewerError;
 use crate::gpu::arena::{Arena, ArenaAsset};
 use crate::gpu::device::Gpu;
 use crate::gpu::expand::LayerBases;
+use crate::gpu::results::readback::read_buffer;
 use btf_runtime::{Asset, Resident};
 
 /// Expands `asset` on `gpu` and reads its words back: for comparison with [`Resident::from_asset`].
@@ -14,7 +15,7 @@ pub fn gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<Vec<u32>, ViewerError> {
     let arena = expanded_arena(gpu, asset)?;
     let mut words = Vec::new();
     for (buffer, place) in arena.pieces.buffers.iter().zip(arena.pieces.places()) {
-        words.extend(gpu.read::<u32>(buffer, place.len())?);
+        words.extend(read_buffer::<u32>(gpu, buffer, place.len())?);
     }
     Ok(words)
 }
@@ -24,7 +25,7 @@ pub fn gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<Vec<u32>, ViewerError> {
 /// # Errors
 /// As [`gpu_expand`].
 pub fn time_gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<f64, ViewerError> {
-    let start = std::time::Instant::now();
+    let start = web_time::Instant::now();
     expanded_arena(gpu, asset)?;
     gpu.wait()?;
     Ok(1e3 * start.elapsed().as_secs_f64())
@@ -35,7 +36,7 @@ pub fn time_gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<f64, ViewerError> {
 /// # Errors
 /// [`ViewerError::Gpu`] where the adapter has no room for it.
 pub fn time_upload(gpu: &Gpu, resident: &Resident) -> Result<f64, ViewerError> {
-    let start = std::time::Instant::now();
+    let start = web_time::Instant::now();
     Arena::new(gpu, &[ArenaAsset::whole(resident.words())], |_| 0)?;
     gpu.queue.submit([]);
     gpu.wait()?;

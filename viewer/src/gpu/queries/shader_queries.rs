@@ -5,6 +5,7 @@ use crate::gpu::arena::Arena;
 use crate::gpu::device::Gpu;
 use crate::gpu::layout::bind;
 use crate::gpu::pieces::ASSETS;
+use crate::gpu::results::readback::read_buffer;
 use wgpu::BufferUsages;
 
 /// Queries per workgroup. Twin: `@workgroup_size` of the entry points.
@@ -55,5 +56,5 @@ pub(crate) fn gpu_queries<Params: bytemuck::Pod, Query: bytemuck::Pod, Answer: b
         pass.dispatch_workgroups(groups.min(ROW), groups.div_ceil(ROW), 1);
     }
     gpu.queue.submit([encoder.finish()]);
-    gpu.read(&answers, queries.len())
+    read_buffer(gpu, &answers, queries.len())
 }

@@ -19,6 +19,7 @@ pub(crate) use cloth::cloth;
 pub(crate) use cornell::cornell;
 pub(crate) use leaf_blade::leaf_blade;
 pub(crate) use patch::TILE_M;
+#[cfg(not(target_arch = "wasm32"))]
 pub(crate) use plant::plant;
 pub(crate) use pullover::pullover;
 pub(crate) use shoe::shoe;

@@ -18,6 +18,7 @@ mod write;
 use crate::error::ViewerError;
 use crate::scene::material::Shown;
 use crate::scene::scene::{Scene, SceneMesh};
+use crate::scene::volume::read_volume;
 use crate::volume::skin::Wind;
 use camera::Cameras;
 use light::{AmbientEntry, DaylightEntry, EnvironmentEntry, LightEntry, put_lights_into};
@@ -64,12 +65,39 @@ struct SceneFile {
 /// [`ViewerError::Scene`] naming the key that is wrong, or the error of a mesh or an asset that it names.
 pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerError> {
     let source = Source { path };
-    let file: SceneFile = source.parse()?;
+    scene_of_file(&source.parse()?, source, shown.into())
+}
+
+/// Returns the ground that a volume is shown on, `side_m` wide, as a scene file has it.
+fn volume_on_ground(name: &str, side_m: f32) -> String {
+    let name = toml::Value::from(name);
+    let [half, radius] = [1.5 * side_m, 2.5 * side_m];
+    format!(
+        "[[material]]\nname = \"ground\"\ndiffuse = [0.16, 0.14, 0.11]\n[[object]]\nmesh = \"plane\"\nmaterial = \"ground\"\n\
+         rotate_deg = [-90, 0, 0]\nscale = [{half}, {half}, {half}]\n[[volume]]\nfile = {name}\n[camera]\neye = [{radius}, {side_m}, {radius}]\n\
+         target = [0, {target}, 0]\n[daylight]\ndate_time = 2026-06-21T15:00:00+02:00\nplace = [52.5, 13.4]\n",
+        target = 0.4 * side_m
+    )
+}
+
+/// Makes a scene of a volumetric texture that stands on the ground in a summer's afternoon.
+///
+/// # Errors
+/// Those of [`load_scene`].
+pub(crate) fn volume_scene(path: &Path) -> Result<Scene, ViewerError> {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let source = Source { path };
+    let text = volume_on_ground(&name, read_volume(path)?.side_m);
+    let file = toml::from_str(&text).map_err(|error| source.fault(error.to_string()))?;
+    scene_of_file(&file, source, Shown::default())
+}
+
+fn scene_of_file(file: &SceneFile, source: Source, mut shown: Shown) -> Result<Scene, ViewerError> {
+    let path = source.path;
     if file.objects.is_empty() && file.volumes.iter().all(|entry| entry.mesh.is_none()) {
         return Err(source.fault("it has no [[object]], add one with mesh = \"sphere\""));
     }
     // Load what stands in the scene; the meshes that volumes stand in for come last.
-    let mut shown = shown.into();
     let materials = Materials::read(&file.materials, source, &mut shown)?;
     let mut dresser = Dresser { source, materials: &materials, unit_mm: file.unit_mm, shown: &mut shown };
     let mut meshes = dresser.objects(&file.objects)?;
@@ -84,7 +112,7 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
     // Put it together.
     let mut scene = scene_of(path, meshes, shown, first_model, &leaf_widths)?;
     put_volumes_into(&mut scene, &places, &file.skins, files, source)?;
-    if let Some(wind) = file.wind {
+    if let Some(wind) = file.wind.clone() {
         put_wind_into(&mut scene, wind, &file.skins, source)?;
     }
     file.camera.put_into(&mut scene, source)?;

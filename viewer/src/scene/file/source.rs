@@ -18,7 +18,7 @@ impl Source<'_> {
     /// [`ViewerError::Read`]; [`ViewerError::Scene`] naming the line that is wrong.
     pub(super) fn parse<T: DeserializeOwned>(self) -> Result<T, ViewerError> {
         let read = |source| ViewerError::Read { path: self.path.into(), source };
-        let text = std::fs::read_to_string(self.path).map_err(read)?;
+        let text = btf_capture::files::read_to_string(self.path).map_err(read)?;
         toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             self.fault(format!("line {line}: {}", error.message().replace('\n', " ")))

@@ -27,7 +27,7 @@ const MOUNTAIN_TEXELS: f32 = 48.0;
 const FOOT_TEXELS: f32 = 22.0;
 
 /// The volume that comes with the viewer: two trees in a cube.
-pub(super) const VOLUMES: [&[u8]; 1] = [include_bytes!("../builtin/forest.voltex")];
+pub(super) const VOLUMES: [&[u8]; 1] = [built_in!("forest")];
 
 /// The trees of a texel, as `cargo xtask volumes` sets them out.
 pub(super) const PLANTS: [Plant; TREES as usize] = [

@@ -20,7 +20,7 @@ const TREE: u32 = 1;
 const MARGIN: f32 = 0.14;
 
 /// The volume that comes with the viewer: a tree in the middle of a cube.
-pub(super) const VOLUMES: [&[u8]; 1] = [include_bytes!("../builtin/tree.voltex")];
+pub(super) const VOLUMES: [&[u8]; 1] = [built_in!("tree")];
 
 /// Plants the grove; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {

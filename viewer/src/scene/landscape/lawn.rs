@@ -24,8 +24,7 @@ const BARE: u32 = 0;
 const FLOWERING: u32 = 1;
 
 /// The volumes that come with the viewer: texels without and with a flower.
-pub(super) const VOLUMES: [&[u8]; 2] =
-    [include_bytes!("../builtin/lawn.voltex"), include_bytes!("../builtin/lawn_flower.voltex")];
+pub(super) const VOLUMES: [&[u8]; 2] = [built_in!("lawn"), built_in!("lawn_flower")];
 
 /// Plants the lawn; `side_m` is that of the volumes, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {

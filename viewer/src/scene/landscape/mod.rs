@@ -10,6 +10,20 @@
 //! `times` grows the land: so many times more patches, each with what a patch has. The volumes that come with the
 //! viewer are made by `cargo xtask volumes`.
 
+/// A volume that comes with the viewer. A page has them in files of their own, to begin sooner.
+#[cfg(not(target_arch = "wasm32"))]
+macro_rules! built_in {
+    ($name:literal) => {
+        include_bytes!(concat!("../builtin/", $name, ".voltex"))
+    };
+}
+#[cfg(target_arch = "wasm32")]
+macro_rules! built_in {
+    ($name:literal) => {
+        &[]
+    };
+}
+
 mod counts;
 mod forest;
 mod grove;
@@ -179,7 +193,7 @@ impl Landscape {
         let packed: Vec<(PathBuf, std::borrow::Cow<'static, [u8]>)> = if files.is_empty() {
             self.built_in().iter().map(|bytes| (self.name().into(), (*bytes).into())).collect()
         } else {
-            let read = |path: &PathBuf| match std::fs::read(path) {
+            let read = |path: &PathBuf| match btf_capture::files::read(path) {
                 Ok(bytes) => Ok((path.clone(), bytes.into())),
                 Err(source) => Err(ViewerError::Read { path: path.clone(), source }),
             };

@@ -40,7 +40,7 @@ pub use thick_skin::{Corners, Skin, SkinFace, SkinVertex};
 pub use walk::{Interval, TextureMap, TextureRay, Walk};
 pub use wind::Wind;
 
-#[cfg(feature = "window")]
+#[cfg(feature = "controls")]
 pub(crate) use wind::MAX_WIND_SPEED;
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use btf_models::{LeafDescription, LeafPreset, LeafQuantity};
 use btf_runtime::LeafMode;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use web_time::Instant;
 
 /// Parameters of a leaf that the panel changes.
 #[derive(Debug, Clone, PartialEq)]

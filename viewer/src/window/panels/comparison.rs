@@ -3,7 +3,7 @@
 use super::asked::Asked;
 use crate::scene::material::Body;
 use crate::scene::scene::Scene;
-use crate::window::split::Split;
+use crate::window::pictures::split::Split;
 use std::path::PathBuf;
 
 /// Draws what the picture is compared with. `at_hand` is the body that split views show something else in place of.

@@ -3,11 +3,12 @@
 
 use crate::error::ViewerError;
 use crate::window::folder::{Entry, list};
-use crate::window::preparing::POLL;
+use crate::window::pictures::preparing::POLL;
 use crate::window::pressed::is_pressed;
+use crate::work::in_background;
 use egui::Key;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::Receiver;
 
 /// Width of the dialog, points.
 const WIDTH: f32 = 480.0;
@@ -77,7 +78,7 @@ impl OpenDialog {
                     taken = self.chosen_path();
                 }
                 cancelled |= ui.button("Cancel").on_hover_text("Escape").clicked();
-                ui.small(".spmm .obj .gltf .glb .hdr .exr .toml");
+                ui.small(".spmm .voltex .obj .gltf .glb .hdr .exr .toml");
             });
         });
         match taken {
@@ -150,11 +151,6 @@ impl OpenDialog {
 
 /// Reads a folder on another thread.
 fn read(folder: &Path) -> Receiver<Listing> {
-    let (sender, listing) = channel();
     let folder = folder.to_path_buf();
-    std::thread::spawn(move || {
-        // Nobody receives the listing of a folder that was left.
-        let _ = sender.send(list(&folder));
-    });
-    listing
+    in_background(move || list(&folder))
 }

@@ -5,7 +5,8 @@ use crate::error::ViewerError;
 use crate::light::daylight::{Daylight, SunAndSky};
 use crate::options::SkyLight;
 use crate::scene::scene::{DaylightParts, Outdoors, Scene};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use crate::work::in_background;
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::Duration;
 
 /// Interval at which the window asks whether the thread has computed its sky.
@@ -132,12 +133,8 @@ impl OutdoorsPanel {
         }
         if scene.outdoors.as_ref() != Some(&self.shown) {
             let daylight = self.shown.daylight.clone();
-            let (sender, light) = channel();
-            self.work = Some(Work { daylight: daylight.clone(), light });
-            // Nobody waits for a sky of a window that is closed.
-            std::thread::spawn(move || {
-                let _ = sender.send(daylight.sun_and_sky());
-            });
+            let asked = daylight.clone();
+            self.work = Some(Work { daylight, light: in_background(move || asked.sun_and_sky()) });
         }
         changed
     }

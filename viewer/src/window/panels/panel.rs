@@ -11,9 +11,9 @@ use super::wind::WindPanel;
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
 use crate::scene::scene::{Ambient, Scene};
 use crate::window::editing::document::Document;
-use crate::window::renderer::Renderer;
+use crate::window::pictures::renderer::Renderer;
+use crate::window::pictures::split::Split;
 use crate::window::settings::Settings;
-use crate::window::split::Split;
 use btf_runtime::{HeightUse, Interpolation};
 use std::path::PathBuf;
 
@@ -86,7 +86,14 @@ impl Panel {
             editor.close(scene);
             editor.show(scene, asset);
         }
-        let edited = egui::CollapsingHeader::new("edit the material").show(ui, |ui| show_editor(ui, editor, scene));
+        let edited = egui::CollapsingHeader::new("edit the material").show(ui, |ui| {
+            if let Some(original) = scene.assets.get(editor.asset).and_then(|asset| asset.original()) {
+                let button = ui.button("read it for editing").on_hover_text("takes some seconds");
+                asked.open = button.clicked().then_some(original);
+                return None;
+            }
+            show_editor(ui, editor, scene)
+        });
         asked.edited = edited.body_returned.flatten();
         show_comparison(ui, split, status.at_hand, scene, &mut asked);
         ui.checkbox(&mut settings.light_handles, "handles of the lights");

@@ -1,10 +1,10 @@
 //! The panel's part that tells what is drawn by what, and how fast.
 
-use crate::gpu::timer::PassTimes;
+use crate::gpu::results::timer::PassTimes;
 use crate::render::governor::Spending;
 use crate::scene::material::Body;
-use crate::window::progress::Progress;
-use crate::window::renderer::Renderer;
+use crate::window::pictures::progress::Progress;
+use crate::window::pictures::renderer::Renderer;
 
 /// Values that the panel shows but does not change.
 pub(crate) struct Status<'a> {

@@ -5,9 +5,10 @@ use crate::options::ShadeOptions;
 use crate::picture::Picture;
 use crate::scene::asset::SceneAsset;
 use crate::scene::scene::{MeshChoice, Scene};
-use crate::window::preparing::POLL;
+use crate::window::pictures::preparing::POLL;
+use crate::work::in_background;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, TryRecvError};
 
 /// Pixels of a side.
 const SIDE: u32 = 56;
@@ -66,12 +67,7 @@ impl Thumbnails {
 
 /// Draws the picture of an asset on another thread.
 fn draw(asset: Arc<SceneAsset>) -> Receiver<Option<Picture>> {
-    let (sender, drawn) = channel();
-    std::thread::spawn(move || {
-        // Nobody receives the picture of an asset that is gone.
-        let _ = sender.send(thumbnail(&asset));
-    });
-    drawn
+    in_background(move || thumbnail(&asset))
 }
 
 /// Draws the asset on a sphere.

@@ -3,7 +3,7 @@
 
 use crate::scene::scene::Scene;
 use crate::volume::skin::MAX_WIND_SPEED;
-use std::time::Instant;
+use web_time::Instant;
 
 /// Longest time that passes from one frame to the next, seconds: after a pause gusts go on where they were.
 const LONGEST_STEP_S: f64 = 0.25;

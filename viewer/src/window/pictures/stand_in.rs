@@ -8,6 +8,7 @@ use crate::gpu::device::Gpu;
 use crate::options::{RenderMode, ShadeOptions};
 use crate::scene::material::Material;
 use crate::scene::scene::{Ambient, Scene};
+use crate::work::{self, HAS_THREADS};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -16,14 +17,14 @@ use std::sync::mpsc::{Receiver, channel};
 const PIXELS: u32 = 128 * 128;
 /// Pixels of a picture with volumetric textures, which take longer.
 const PIXELS_WITH_VOLUMES: u32 = 64 * 64;
-/// Samples per pixel after which it is left alone.
-const SAMPLES: u32 = 8;
+/// Samples per pixel after which it is left alone; one where the window waits for them.
+const SAMPLES: u32 = if HAS_THREADS { 8 } else { 1 };
 /// Reflectance of every surface.
 const REFLECTANCE: f32 = 0.5;
 
 /// A simpler picture of a scene.
 #[derive(Default)]
-pub(super) struct StandIn {
+pub(crate) struct StandIn {
     /// The newest picture.
     shown: Option<CpuCanvas>,
     drawing: Option<Drawing>,
@@ -85,7 +86,7 @@ impl Drawing {
         let (sender, pictures) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
-        std::thread::spawn(move || {
+        work::run(move || {
             let goes_on = || !stopped.load(Ordering::Relaxed);
             let options = ShadeOptions { mode: RenderMode::Direct, depth: 1, ..ShadeOptions::default() };
             let mut picture = CpuPicture::new(size);
@@ -107,7 +108,7 @@ impl Drop for Drawing {
 }
 
 /// Returns the size of a picture of at most `pixels` that has the shape of an area of the window.
-pub(super) fn shrunk([width, height]: [u32; 2], pixels: u32) -> [u32; 2] {
+pub(crate) fn shrunk([width, height]: [u32; 2], pixels: u32) -> [u32; 2] {
     let shrink = (f64::from(pixels) / (f64::from(width) * f64::from(height))).sqrt().min(1.0);
     [width, height].map(|side| ((f64::from(side) * shrink) as u32).max(1))
 }

@@ -1,18 +1,26 @@
 //! A picture in the making in the window: on the GPU by a tracer, or on the CPU. A split view has two.
 
 use super::cpu_canvas::CpuCanvas;
+use super::pace::Pace;
 use super::preparing::Preparing;
 use super::renderer::Renderer;
 use super::stand_in::StandIn;
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::FrameRequest;
+use crate::gpu::limits::IN_BROWSER;
+use crate::gpu::pipelines::Pipelines;
+use crate::gpu::results::fence::Fence;
+use crate::gpu::results::readback::read_buffer;
+use crate::gpu::results::reading::Reading;
+use crate::gpu::results::timer::{GpuTimer, PassTimes};
 use crate::gpu::scene_change::{SceneChange, Updated};
-use crate::gpu::timer::{GpuTimer, PassTimes};
+use crate::gpu::target::{Band, Target};
 use crate::gpu::tracer::Tracer;
 use crate::picture::Picture;
+use crate::scene::camera::Camera;
 use crate::scene::scene::Scene;
-use std::time::Instant;
+use web_time::Instant;
 
 /// The devices of the window's pictures.
 pub(crate) struct Devices {
@@ -30,9 +38,28 @@ pub(crate) struct Side {
     /// What is shown meanwhile.
     stand_in: StandIn,
     tracer: Option<Tracer>,
+    /// Pipelines of the scene before.
+    spare: Option<Pipelines>,
+    /// The picture of the scene before, until it is seen otherwise.
+    before: Option<Target>,
+    /// The camera of the newest sample.
+    camera: Option<Camera>,
+    /// What the GPU is at, where nobody can wait for it.
+    at_work: Option<AtWork>,
+    /// Time that the bands of the sample at hand have taken so far, milliseconds.
+    bands_ms: f64,
+    /// How much is drawn at once there.
+    pub pace: Pace,
     /// The bands of the tracer's picture on the window's device, where that is another.
     copies: Vec<wgpu::Buffer>,
     cpu: Option<CpuCanvas>,
+}
+
+/// A band of a sample that a GPU draws.
+struct AtWork {
+    end: Fence,
+    since: Instant,
+    pixels: u64,
 }
 
 /// Rows of a picture in a buffer of the window's device.
@@ -58,19 +85,29 @@ pub(crate) struct Took {
 }
 
 impl Side {
+    /// Begins anew with another scene, at the same pace; what was compiled serves it where it fits.
+    pub(crate) fn switch_scene(&mut self) {
+        let old = std::mem::take(self);
+        let tracer = old.tracer.or_else(|| old.preparing.and_then(Preparing::into_tracer));
+        let (spare, before) = tracer.map(Tracer::into_rest).unzip();
+        // The copies of a picture on another device go with its tracer.
+        let before = before.flatten().filter(|_| old.copies.is_empty()).or(old.before);
+        *self = Side { pace: old.pace, spare: spare.or(old.spare), before, camera: old.camera, ..Side::default() };
+    }
+
     /// Returns width and height of what is shown, pixels.
     pub(crate) fn size(&self) -> Option<[u32; 2]> {
         let stand_in = self.stand_in.canvas().map(CpuCanvas::size);
         let cpu = self.cpu.as_ref().map(CpuCanvas::size);
-        stand_in.or(self.tracer.as_ref().and_then(Tracer::size)).or(cpu)
+        stand_in.or(self.traced().map(|(size, _)| size)).or(cpu)
     }
 
     /// Returns the rows of what is shown, from the top.
     pub(crate) fn rows(&self) -> Vec<Rows<'_>> {
-        match (self.stand_in.canvas(), &self.tracer, &self.cpu) {
+        match (self.stand_in.canvas(), self.traced(), &self.cpu) {
             (Some(canvas), _, _) => vec![Rows::of_canvas(canvas)],
-            (None, Some(tracer), _) => {
-                let rows = tracer.bands().iter().enumerate().map(|(number, band)| Rows {
+            (None, Some((_, bands)), _) => {
+                let rows = bands.iter().enumerate().map(|(number, band)| Rows {
                     first: band.first_row,
                     count: band.rows,
                     pixels: self.copies.get(number).unwrap_or(&band.pixels),
@@ -80,6 +117,12 @@ impl Side {
             (None, None, Some(canvas)) => vec![Rows::of_canvas(canvas)],
             (None, None, None) => Vec::new(),
         }
+    }
+
+    /// Returns size and bands of the traced picture that is there: the tracer's, or that of the scene before.
+    fn traced(&self) -> Option<([u32; 2], &[Band])> {
+        let before = self.before.as_ref().map(|target| (target.size, target.bands.as_slice()));
+        self.tracer.as_ref().and_then(Tracer::shown).or(before)
     }
 
     /// Returns what is being done to make the renderer ready, for the user; `None` where it is.
@@ -126,8 +169,14 @@ impl Side {
         if self.preparing.is_some() {
             return Ok(None);
         }
+        if self.tracer.is_some() {
+            self.camera = Some(request.scene.camera);
+        }
         match (renderer, &mut self.tracer) {
             (Renderer::Gpu(_), Some(tracer)) if tracer.is_ready_for(request) => {
+                if IN_BROWSER {
+                    return self.add_bands(devices, request);
+                }
                 let (ms, passes) = tracer.timed_sample(request, timer)?;
                 self.copy_bands(devices)?;
                 Ok(Some(Took { ms, passes }))
@@ -136,10 +185,46 @@ impl Side {
                 self.add_cpu_sample(&devices.window, request).map(Some)
             }
             (_, tracer) => {
-                self.preparing = Some(Preparing::start(&devices.tracing, renderer, request, tracer.take()));
+                let (tracer, spare) = (tracer.take(), self.spare.take());
+                self.preparing = Some(Preparing::start(&devices.tracing, renderer, request, tracer, spare));
                 Ok(None)
             }
         }
+    }
+
+    /// Draws the next bands of a sample; `None` while there are more.
+    fn add_bands(&mut self, devices: &Devices, request: &FrameRequest) -> Result<Option<Took>, ViewerError> {
+        let Some(tracer) = &mut self.tracer else { return Ok(None) };
+        let (band_pixels, most) = (self.pace.band_pixels(request.size), self.pace.pixels_at_once());
+        let (mut pixels, mut is_last) = (0, false);
+        while !is_last && (pixels == 0 || pixels + band_pixels <= most) {
+            let (drawn, last) = tracer.sample_band(request, band_pixels)?;
+            (pixels, is_last) = (pixels + drawn, last);
+        }
+        let end = Fence::behind_all(&devices.tracing);
+        self.at_work = Some(AtWork { end, since: Instant::now(), pixels });
+        // The time of the last band is not known yet, and that of the others tells enough.
+        Ok(is_last.then_some(Took { ms: std::mem::take(&mut self.bands_ms), passes: None }))
+    }
+
+    /// Tells whether the GPU is at work, for which a browser does not let us wait.
+    pub(crate) fn is_at_work(&mut self, devices: &Devices) -> bool {
+        let Some(AtWork { end, since, pixels }) = &self.at_work else { return false };
+        if !end.has_passed(&devices.tracing) {
+            return true;
+        }
+        let ms = since.elapsed().as_secs_f64() * 1e3;
+        self.pace.note(*pixels, ms);
+        self.bands_ms += ms;
+        self.at_work = None;
+        false
+    }
+
+    /// Has the picture begin anew.
+    pub(crate) fn restart(&mut self) {
+        self.stand_in.restart();
+        self.bands_ms = 0.0;
+        self.tracer.iter_mut().for_each(Tracer::restart_bands);
     }
 
     fn add_cpu_sample(&mut self, gpu: &Gpu, request: &FrameRequest) -> Result<Took, ViewerError> {
@@ -167,7 +252,7 @@ impl Side {
             self.copies = bands.iter().map(|band| copy(&band.pixels)).collect::<Result<_, _>>()?;
         }
         for (copy, band) in self.copies.iter().zip(bands) {
-            let bytes: Vec<u8> = tracing.read(&band.pixels, band.pixels.size() as usize)?;
+            let bytes: Vec<u8> = read_buffer(tracing, &band.pixels, band.pixels.size() as usize)?;
             window.queue.write_buffer(copy, 0, &bytes);
         }
         Ok(())
@@ -178,28 +263,30 @@ impl Side {
     /// # Errors
     /// What the driver reported.
     pub(crate) fn stand_in(&mut self, gpu: &Gpu, scene: &Scene, view: [u32; 2]) -> Result<(), ViewerError> {
+        if self.camera != Some(scene.camera) {
+            self.before = None;
+        }
         match self.preparing {
-            Some(_) => self.stand_in.advance(gpu, scene, view),
-            None => Ok(()),
+            Some(_) if self.before.is_none() => self.stand_in.advance(gpu, scene, view),
+            _ => Ok(()),
         }
     }
 
-    /// Has the picture that stands in begin anew.
-    pub(crate) fn restart_stand_in(&mut self) {
-        self.stand_in.restart();
-    }
-
-    /// Reads the mean linear radiance of the picture at hand; `None` before its first sample.
+    /// Begins to read the mean linear radiance of the picture at hand; `None` before its first sample.
     ///
     /// # Errors
     /// What the driver reported.
-    pub(crate) fn read(&self) -> Result<Option<Picture>, ViewerError> {
-        let (size, radiance) = match (&self.tracer, &self.cpu) {
-            (Some(tracer), _) => (tracer.size(), tracer.read_radiance()?),
-            (None, Some(canvas)) => (Some(canvas.size()), canvas.picture.radiance()),
-            (None, None) => (None, Vec::new()),
-        };
-        let size = size.filter(|_| self.preparing.is_none());
-        Ok(size.map(|[width, height]| Picture { width, height, radiance }))
+    pub(crate) fn begin_read(&self) -> Result<Option<Reading>, ViewerError> {
+        if self.preparing.is_some() {
+            return Ok(None);
+        }
+        match (&self.tracer, &self.cpu) {
+            (Some(tracer), _) => tracer.begin_read(),
+            (None, Some(canvas)) => {
+                let ([width, height], radiance) = (canvas.size(), canvas.picture.radiance());
+                Ok(Some(Reading::of_picture(Picture { width, height, radiance })))
+            }
+            (None, None) => Ok(None),
+        }
     }
 }

@@ -1,21 +1,23 @@
 //! The pictures in the window: the scene's own, and the other one of a split view.
 
 use super::blit::{Blit, GpuBlit};
-use super::editing::document::Document;
 use super::progress::Progress;
 use super::renderer::Renderer;
-use super::side::{Devices, Rows, Side};
+use super::side::{Devices, Rows, Side, Took};
 use super::split::{Against, Split};
 use super::stand_in::shrunk;
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
 use crate::gpu::frame::FrameRequest;
+use crate::gpu::limits::IN_BROWSER;
+use crate::gpu::results::reading::Reading;
+use crate::gpu::results::timer::GpuTimer;
 use crate::gpu::scene_change::SceneChange;
-use crate::gpu::timer::GpuTimer;
 use crate::options::{RenderMode, ShadeOptions};
-use crate::picture::Picture;
 use crate::render::governor::{Governor, Spending};
 use crate::scene::scene::{Ambient, Scene};
+use crate::window::editing::document::Document;
+use crate::work::HAS_THREADS;
 
 /// Samples per pixel after which a picture that nobody touches is left alone.
 const MAX_SAMPLES: u32 = 64;
@@ -25,12 +27,16 @@ const MAX_RANDOM_SAMPLES: u32 = 4096;
 const CPU_PIXELS: u32 = 200 * 200;
 
 /// The pictures in the window.
-pub(super) struct Pictures {
+pub(crate) struct Pictures {
     pub side: Side,
     pub split: Split,
     pub progress: Progress,
     devices: Devices,
     timer: Option<GpuTimer>,
+    /// The size of the pictures that are drawn, which may not be shown yet.
+    drawn_size: Option<[u32; 2]>,
+    /// The scene's own sample, where the other picture's is not drawn yet.
+    own_took: Option<Took>,
 }
 
 impl Pictures {
@@ -50,7 +56,7 @@ impl Pictures {
         let progress = Progress::new(shade, governor);
         let devices = Devices { window: gpu.clone(), tracing: gpu.for_tracing()? };
         let timer = GpuTimer::new(&devices.tracing);
-        Ok(Pictures { side: Side::default(), split, progress, devices, timer })
+        Ok(Pictures { side: Side::default(), split, progress, devices, timer, drawn_size: None, own_took: None })
     }
 
     /// Returns the clock of the frame times of a renderer.
@@ -65,15 +71,20 @@ impl Pictures {
     pub fn switch_renderer(&mut self, document: &Document) {
         self.leave_busy_device();
         self.side = Side::default();
+        self.drawn_size = None;
         self.progress.forget_renderer();
         self.split.reset(&document.scene, document.at_hand());
     }
 
     /// Begins anew with another scene.
     pub fn switch_scene(&mut self, document: &Document) {
-        self.leave_busy_device();
+        let was_busy = self.leave_busy_device();
         let scene = &document.scene;
-        self.side = Side::default();
+        match was_busy {
+            true => self.side = Side::default(),
+            false => self.side.switch_scene(),
+        }
+        self.drawn_size = None;
         self.split.reset(scene, document.at_hand());
         let governor = &mut self.progress.governor;
         *governor = governor.as_ref().map(|it| Governor::new(it.budget_ms(), Spending::all_of(scene)));
@@ -81,14 +92,14 @@ impl Pictures {
     }
 
     /// Leaves the tracing device to a thread that still compiles on it, now for nobody: a software driver has everything
-    /// else wait. For both pictures to begin anew.
-    fn leave_busy_device(&mut self) {
-        if self.preparation().is_some()
-            && let Ok(tracing) = self.devices.window.for_tracing()
-        {
+    /// else wait. For both pictures to begin anew. Returns whether there was such a thread.
+    fn leave_busy_device(&mut self) -> bool {
+        let is_busy = HAS_THREADS && self.preparation().is_some();
+        if is_busy && let Ok(tracing) = self.devices.window.for_tracing() {
             self.timer = GpuTimer::new(&tracing);
             self.devices.tracing = tracing;
         }
+        is_busy
     }
 
     /// Takes over a change of the scene.
@@ -99,19 +110,32 @@ impl Pictures {
 
     /// Begins anew, because the pictures are to show something else.
     pub fn restart(&mut self) {
+        self.side.pace.restart();
+        self.begin_anew();
+    }
+
+    /// Begins anew, perhaps finer than before.
+    fn begin_anew(&mut self) {
         self.progress.samples = 0;
-        self.side.restart_stand_in();
+        self.own_took = None;
+        self.side.restart();
+        self.split.side.restart();
     }
 
     /// Adds a sample to pictures for an area of `view` pixels, unless they have all they need. While a renderer is made
     /// ready, another picture stands in.
     pub fn advance(&mut self, document: &Document, renderer: Renderer, shade: &ShadeOptions, view: [u32; 2]) {
         let advanced = self.take_ready(document).and_then(|()| {
-            let size = picture_size(renderer, view);
-            if self.progress.problem.is_none() && self.side.preparation().is_none() && self.side.size() != Some(size) {
-                self.restart();
+            let size = self.picture_size(renderer, view);
+            if self.progress.problem.is_none() && self.side.preparation().is_none() && self.drawn_size != Some(size) {
+                self.drawn_size = Some(size);
+                self.begin_anew();
             }
-            if self.progress.samples < self.most_samples(&document.scene) {
+            // A whole sample of a coarse picture is followed by a finer picture.
+            if IN_BROWSER && self.progress.samples > 0 && !self.are_at_work() && self.side.pace.refine(view) {
+                return Ok(());
+            }
+            if !self.are_at_work() && self.progress.samples < self.most_samples(&document.scene) {
                 self.add_sample(document, renderer, shade, size)?;
             }
             self.side.stand_in(&self.devices.window, &document.scene, view)
@@ -148,16 +172,37 @@ impl Pictures {
         self.progress.settle(shade, scene.lights.len() as u32);
         let options = self.progress.governed;
         let request = FrameRequest { scene, size, options, sample: self.progress.samples };
-        let Some(took) = self.side.add_sample(&self.devices, renderer, &request, self.timer.as_mut())? else {
+        if self.own_took.is_none() {
+            self.own_took = self.side.add_sample(&self.devices, renderer, &request, self.timer.as_mut())?;
+        }
+        if self.own_took.is_none() {
             return Ok(());
-        };
+        }
         if self.split.on {
             let options = self.split.against.shade(&options);
+            let pace = self.side.pace;
             let (side, scene) = self.split.scene(scene, document.at_hand());
-            side.add_sample(&self.devices, renderer, &FrameRequest { scene, options, ..request }, None)?;
+            side.pace = pace;
+            let request = FrameRequest { scene, options, ..request };
+            let took = side.add_sample(&self.devices, renderer, &request, None)?;
+            if took.is_none() && side.preparation().is_none() {
+                // Bands are missing.
+                return Ok(());
+            }
         }
-        self.progress.count(took);
+        if let Some(took) = self.own_took.take() {
+            self.progress.count(took);
+        }
         Ok(())
+    }
+
+    /// Returns the size of the picture that a renderer computes for an area of the window, pixels.
+    fn picture_size(&mut self, renderer: Renderer, view: [u32; 2]) -> [u32; 2] {
+        match renderer {
+            Renderer::Cpu => shrunk(view, CPU_PIXELS),
+            Renderer::Gpu(_) if IN_BROWSER => self.side.pace.size(view),
+            Renderer::Gpu(_) => view,
+        }
     }
 
     /// Returns what is being done to make renderers ready, for the user; `None` where they are.
@@ -193,13 +238,19 @@ impl Pictures {
         self.have(u32::MAX, scene)
     }
 
-    /// Reads the scene's own picture as it is.
+    /// Begins to read the scene's own picture as it is.
     ///
     /// # Errors
     /// [`ViewerError::Usage`] where another one stands in for it; the errors of reading from the GPU.
-    pub fn read(&self) -> Result<Picture, ViewerError> {
+    pub fn begin_read(&self) -> Result<Reading, ViewerError> {
         let unready = || ViewerError::Usage("the renderer is not ready: save the picture when it is there".into());
-        self.side.read()?.ok_or_else(unready)
+        self.side.begin_read()?.ok_or_else(unready)
+    }
+
+    /// Tells whether the GPU is at a sample, and a frame would show nothing new of it.
+    pub fn are_at_work(&mut self) -> bool {
+        let Pictures { side, split, devices, .. } = self;
+        side.is_at_work(devices) | (split.on && split.side.is_at_work(devices))
     }
 
     /// Draws the pictures on an area of `view` pixels from the window's upper left corner.
@@ -238,12 +289,4 @@ impl Pictures {
         }
         Ok(())
     }
-}
-
-/// Returns the size of the picture that a renderer computes for an area of the window, pixels.
-fn picture_size(renderer: Renderer, view: [u32; 2]) -> [u32; 2] {
-    if renderer != Renderer::Cpu {
-        return view;
-    }
-    shrunk(view, CPU_PIXELS)
 }

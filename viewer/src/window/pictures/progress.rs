@@ -1,7 +1,7 @@
 //! How far a picture is, and how fast its samples are.
 
 use super::side::Took;
-use crate::gpu::timer::PassTimes;
+use crate::gpu::results::timer::PassTimes;
 use crate::options::ShadeOptions;
 use crate::render::governor::Governor;
 
@@ -26,18 +26,18 @@ pub(crate) struct Progress {
 
 impl Progress {
     /// Makes the progress of a picture without samples.
-    pub(super) fn new(shade: ShadeOptions, governor: Option<Governor>) -> Progress {
+    pub(crate) fn new(shade: ShadeOptions, governor: Option<Governor>) -> Progress {
         Progress { samples: 0, frame_ms: None, passes: None, governor, governed: shade, problem: None }
     }
 
     /// Forgets times and problems of a renderer that is not in use any more.
-    pub(super) fn forget_renderer(&mut self) {
+    pub(crate) fn forget_renderer(&mut self) {
         (self.frame_ms, self.passes, self.problem) = (None, None, None);
     }
 
     /// Settles with which settings the next samples are computed. Settings change with the picture only, so that its
     /// samples are alike.
-    pub(super) fn settle(&mut self, shade: &ShadeOptions, lights: u32) {
+    pub(crate) fn settle(&mut self, shade: &ShadeOptions, lights: u32) {
         if self.samples == 0 {
             self.governor.iter_mut().for_each(|governor| governor.set_lights(lights));
             self.governed = self.governor.as_ref().map_or(*shade, |it| it.settings(shade));
@@ -45,7 +45,7 @@ impl Progress {
     }
 
     /// Counts a sample that was added.
-    pub(super) fn count(&mut self, took: Took) {
+    pub(crate) fn count(&mut self, took: Took) {
         let Took { ms, passes } = took;
         self.passes = passes;
         self.governor.iter_mut().for_each(|governor| governor.observe(ms));

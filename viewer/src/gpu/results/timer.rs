@@ -2,6 +2,7 @@
 
 use crate::error::ViewerError;
 use crate::gpu::device::Gpu;
+use crate::gpu::results::readback::read_buffer;
 use wgpu::BufferUsages;
 
 /// A pass over the pixels of a band.
@@ -115,7 +116,7 @@ impl GpuTimer {
     /// # Errors
     /// [`ViewerError::Gpu`] with what the driver reported.
     pub fn read(&self) -> Result<PassTimes, ViewerError> {
-        let ticks: Vec<u64> = self.gpu.read(&self.resolved, 2 * self.timed.len())?;
+        let ticks: Vec<u64> = read_buffer(&self.gpu, &self.resolved, 2 * self.timed.len())?;
         let mut times = PassTimes::default();
         for (pass, ticks) in self.timed.iter().zip(ticks.chunks_exact(2)) {
             let time = match pass {

@@ -8,7 +8,7 @@ use crate::options::ShadeOptions;
 use crate::scene::scene::Scene;
 
 /// A picture and the buffer in which the window shows it.
-pub(super) struct CpuCanvas {
+pub(crate) struct CpuCanvas {
     pub picture: CpuPicture,
     pub buffer: wgpu::Buffer,
 }

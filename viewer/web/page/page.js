@@ -1,0 +1,108 @@
+// The gallery's page: what is chosen in it is in its address, so that a link shows what the sender saw.
+
+import './btf_view.js';
+
+const view = document.querySelector('btf-view');
+const shape = document.querySelector('#shape');
+const daylight = document.querySelector('#daylight');
+const share = document.querySelector('#share');
+const KEYS = ['src', 'mesh', 'leaf', 'landscape', 'scene', 'daylight', 'place', 'repeat'];
+
+// What the address asks for: its fragment, or ?asset=URL.
+function asked() {
+  const fragment = new URLSearchParams(location.hash.slice(1));
+  const query = new URLSearchParams(location.search);
+  const asset = fragment.get('asset') ?? query.get('asset');
+  const all = { src: asset, view: fragment.get('view') };
+  for (const key of KEYS.slice(1)) {
+    all[key] = fragment.get(key) ?? query.get(key);
+  }
+  if (!asset && !all.leaf && !all.landscape && !all.scene) {
+    all.src = document.querySelector('#gallery [data-src]').dataset.src;
+  }
+  return all;
+}
+
+// Makes the element show it.
+function follow() {
+  const all = asked();
+  if (all.view) {
+    view.view = all.view;
+  }
+  for (const key of KEYS) {
+    if (all[key]) {
+      if (view.getAttribute(key) !== all[key]) {
+        view.setAttribute(key, all[key]);
+      }
+    } else if (view.hasAttribute(key)) {
+      view.removeAttribute(key);
+    }
+  }
+  mark();
+}
+
+function mark() {
+  shape.value = view.getAttribute('mesh') ?? '';
+  daylight.checked = view.hasAttribute('daylight');
+  for (const entry of document.querySelectorAll('#gallery button')) {
+    const { src, leaf, landscape } = entry.dataset;
+    const is = (name, value) => value !== undefined && view.getAttribute(name) === value;
+    entry.setAttribute('aria-pressed', is('src', src) || is('leaf', leaf) || is('landscape', landscape));
+  }
+}
+
+// Writes into the address what the element shows.
+function remember(link) {
+  const fragment = new URLSearchParams();
+  for (const key of KEYS) {
+    if (view.hasAttribute(key)) {
+      fragment.set(key === 'src' ? 'asset' : key, view.getAttribute(key));
+    }
+  }
+  if (link && link !== '{}') {
+    fragment.set('view', link);
+  }
+  history.replaceState(null, '', `#${fragment}`);
+}
+
+function choose({ src, leaf, landscape, mesh }) {
+  for (const [key, value] of Object.entries({ src, leaf, landscape, mesh })) {
+    if (value) {
+      view.setAttribute(key, value);
+    } else {
+      view.removeAttribute(key);
+    }
+  }
+  mark();
+  remember();
+}
+
+for (const entry of document.querySelectorAll('#gallery button')) {
+  entry.onclick = () => choose({ mesh: entry.dataset.src ? shape.value : undefined, ...entry.dataset });
+}
+shape.onchange = () => {
+  if (shape.value) {
+    view.setAttribute('mesh', shape.value);
+  } else {
+    view.removeAttribute('mesh');
+  }
+  remember();
+};
+daylight.onchange = () => {
+  if (daylight.checked) {
+    view.setAttribute('daylight', 'sun');
+  } else {
+    view.removeAttribute('daylight');
+  }
+  remember();
+};
+document.querySelector('#open').onclick = () => view.choose();
+share.onclick = async () => {
+  remember(view.view);
+  await navigator.clipboard?.writeText(location.href).catch(() => {});
+  share.textContent = 'link copied';
+  setTimeout(() => { share.textContent = 'share'; }, 1500);
+};
+view.addEventListener('link', ({ detail }) => remember(detail));
+window.addEventListener('hashchange', follow);
+follow();
