@@ -90,7 +90,7 @@ export class BtfView extends HTMLElement {
 
   // Several attributes that change together are one change.
   attributeChangedCallback() {
-    if (!this.#viewer || this.#pending) {
+    if (!this.#isOpen || this.#pending) {
       return;
     }
     this.#pending = true;
@@ -107,7 +107,7 @@ export class BtfView extends HTMLElement {
 
   set view(text) {
     this.#link = text;
-    this.#viewer?.postMessage({ kind: 'show', shown: this.#shown(), link: text });
+    this.#send({ kind: 'show', shown: this.#shown(), link: text });
   }
 
   /** Opens files as if they were dropped, at a place of the window where one is given. */
@@ -125,24 +125,36 @@ export class BtfView extends HTMLElement {
       }
       this.#hand(file.name, bytes);
       if (!isNamed(file) && !(order(file) === 1 && all.some((other) => order(other) === 2))) {
-        this.#viewer?.postMessage({ kind: 'drop', name: file.name, ...at });
+        this.#send({ kind: 'drop', name: file.name, ...at });
       }
     }
   }
 
   /** Draws a picture that is not shown, of so many samples a pixel: a PNG as a Blob. */
   picture({ width = 512, height = 512, samples = 16 } = {}) {
-    if (!this.#viewer) {
+    if (this.hasAttribute('without-webgpu')) {
       return Promise.reject(new Error(NO_WEBGPU));
     }
     return new Promise((resolve, reject) => {
       const id = this.#drawn.length;
       this.#drawn.push({ resolve, reject });
-      this.#viewer.postMessage({ kind: 'draw', id, shown: this.#shown(), link: this.#link, width, height, samples });
+      this.#send({ kind: 'draw', id, shown: this.#shown(), link: this.#link, width, height, samples });
     });
   }
 
   #drawn = [];
+
+  // Messages to the viewer before it is there.
+  #waiting = [];
+  #isOpen = false;
+
+  #send(message, parts = []) {
+    if (this.#isOpen) {
+      this.#viewer.postMessage(message, parts);
+    } else {
+      this.#waiting.push([message, parts]);
+    }
+  }
 
   async #start() {
     if (!navigator.gpu || !(await navigator.gpu.requestAdapter())) {
@@ -175,8 +187,10 @@ export class BtfView extends HTMLElement {
     this.#viewer.postMessage({
       kind: 'open', module, width, height, pixelsPerPoint, shown: this.#shownFirst(), link: this.#link,
     });
+    this.#isOpen = true;
+    this.#waiting.splice(0).forEach(([message, parts]) => this.#send(message, parts));
     this.#listen();
-    if (this.hasAttribute('landscape')) {
+    if (['leaf', 'landscape', 'scene'].some((name) => this.hasAttribute(name))) {
       this.#show();
     } else {
       this.#loadSource();
@@ -184,10 +198,10 @@ export class BtfView extends HTMLElement {
   }
 
   #stop() {
-    this.observer?.disconnect();
     this.#viewer?.terminate();
     this.#loader?.terminate();
     this.#viewer = this.#loader = undefined;
+    this.#isOpen = false;
     this.#files.clear();
     this.#listening?.abort();
   }
@@ -211,9 +225,10 @@ export class BtfView extends HTMLElement {
     return shown;
   }
 
-  // Without what is on its way: the asset, or a landscape's volumes.
+  // Without what files are needed for, which are on their way.
   #shownFirst() {
-    return { ...this.#attributes(), landscape: undefined };
+    const { mesh, repeat } = this.#attributes();
+    return { mesh, repeat };
   }
 
   #shown() {
@@ -228,7 +243,7 @@ export class BtfView extends HTMLElement {
   async #show() {
     const shown = this.#shown();
     await this.#loadVolumes(shown.landscape);
-    this.#viewer?.postMessage({ kind: 'show', shown });
+    this.#send({ kind: 'show', shown });
     this.#loadSource();
   }
 
@@ -273,7 +288,7 @@ export class BtfView extends HTMLElement {
   #dropped;
 
   #hand(name, bytes) {
-    this.#viewer?.postMessage({ kind: 'file', name, bytes }, [bytes]);
+    this.#send({ kind: 'file', name, bytes }, [bytes]);
   }
 
   #takeLoaded(data) {
@@ -295,9 +310,9 @@ export class BtfView extends HTMLElement {
     this.#files.set(name, bytes);
     const dropped = this.#dropped?.id === data.id ? this.#dropped : undefined;
     if (isFirst && !dropped) {
-      this.#viewer.postMessage({ kind: 'show', shown: this.#shown(), link: this.#link });
+      this.#send({ kind: 'show', shown: this.#shown(), link: this.#link });
     } else {
-      this.#viewer.postMessage({ kind: 'drop', name: `expanded/${name}`, ...dropped?.at });
+      this.#send({ kind: 'drop', name: `expanded/${name}`, ...dropped?.at });
     }
     this.#tell(isWhole ? '' : `${name}: ${Math.round(bytes / 1024)} kB shown, more to come`);
     this.dispatchEvent(new CustomEvent('loaded', { detail: { name, bytes, isWhole } }));
@@ -407,9 +422,14 @@ export class BtfView extends HTMLElement {
   #listen() {
     this.#listening = new AbortController();
     const options = { signal: this.#listening.signal };
-    const send = (message) => this.#viewer?.postMessage(message);
-    this.observer = new ResizeObserver(() => send({ kind: 'resize', ...this.#size() }));
-    this.observer.observe(this);
+    const send = (message) => this.#send(message);
+    const resized = new ResizeObserver(() => send({ kind: 'resize', ...this.#size() }));
+    // What nobody sees is not drawn.
+    const seen = new IntersectionObserver(([{ isIntersecting }]) => send({ kind: 'rest', rests: !isIntersecting }));
+    for (const observer of [resized, seen]) {
+      observer.observe(this);
+      options.signal.addEventListener('abort', () => observer.disconnect());
+    }
     const place = (event) => {
       const { left, top } = this.#canvas.getBoundingClientRect();
       return { x: event.clientX - left, y: event.clientY - top };

@@ -14,6 +14,7 @@ let lastLink;
 let linkedAt = 0;
 let lastMessage;
 let ended = false;
+let rests = false;
 
 function fail(error) {
   ended = true;
@@ -45,6 +46,9 @@ function draw() {
 
 // Has the next frame drawn in so many milliseconds, or earlier where that is planned.
 function plan(ms) {
+  if (rests) {
+    return;
+  }
   if (ms === 0) {
     animation ??= requestAnimationFrame(draw);
   } else if (Number.isFinite(ms) && animation === undefined) {
@@ -100,6 +104,10 @@ const tasks = {
       // What was shown is still there.
       postMessage({ kind: 'refused', message: error.message });
     }
+  },
+  // Nobody sees the canvas, or somebody does again.
+  rest(data) {
+    ({ rests } = data);
   },
   // Others go on meanwhile.
   draw({ id, shown, link, width, height, samples }) {

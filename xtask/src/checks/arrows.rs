@@ -17,6 +17,7 @@ const ALLOWED: [(&str, &[&str]); 13] = [
     ("btf-voxelize", &["btf-capture", "btf-models", "btf-runtime"]),
     ("btf-fit", &["btf-capture", "btf-models", "btf-runtime", "btf-voxelize"]),
     ("btf-viewer", &["btf-capture", "btf-models", "btf-runtime"]),
+    ("btf-viewer-web", &["btf-capture", "btf-models", "btf-runtime", "btf-viewer"]),
     ("btf-tests", &["btf-capture", "btf-fit", "btf-models", "btf-runtime", "btf-synth", "btf-viewer", "btf-voxelize"]),
     ("xtask", &[]),
 ];

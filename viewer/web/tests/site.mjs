@@ -1,0 +1,134 @@
+// A server for the page and a browser that opens it. `cargo xtask test` sets BTF_WEB_PAGE to the page's folder, BTF_WEB_PICTURES to
+// one for pictures, BTF_VIEW to btf-view, BTF_WEB_BROWSER to Chromium and BTF_WEB_PLAYWRIGHT to the folder of playwright-core.
+
+import { execFile } from 'node:child_process';
+import { readFile } from 'node:fs/promises';
+import { createServer } from 'node:http';
+import { extname, join, normalize } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { promisify } from 'node:util';
+
+const { BTF_WEB_PAGE, BTF_WEB_PICTURES, BTF_VIEW, BTF_WEB_BROWSER, BTF_WEB_PLAYWRIGHT } = process.env;
+
+/** Why tests are left out, or false. */
+export const skip = BTF_WEB_BROWSER && BTF_WEB_PLAYWRIGHT ? false : 'no browser';
+
+export const pictures = BTF_WEB_PICTURES;
+
+const TYPES = {
+  '.css': 'text/css', '.html': 'text/html', '.jpg': 'image/jpeg', '.js': 'text/javascript', '.png': 'image/png', '.wasm': 'application/wasm',
+};
+
+// WebGPU without a GPU: SwiftShader, which comes with Chromium. Pictures of its canvases reach the page only if Chromium itself
+// draws by it as well.
+const FLAGS = [
+  '--no-sandbox', '--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--use-vulkan=swiftshader',
+  '--use-angle=swiftshader', '--disable-vulkan-surface', '--enable-features=Vulkan', '--disable-background-networking',
+  '--disable-component-update', '--disable-sync', '--no-first-run',
+];
+
+/** The server. */
+export class Site {
+  /** Whether ranges are answered. */
+  hasRanges = true;
+  /** Number of answers to assets that break off in the middle. */
+  cuts = 0;
+  /** Ranges that were asked for, and answers that broke off. */
+  asked = [];
+  broken = 0;
+  /** Files beside those of the page, by their paths. */
+  files = new Map();
+
+  async start() {
+    this.server = createServer((request, response) => this.#answer(request, response));
+    await new Promise((resolve) => { this.server.listen(0, '127.0.0.1', resolve); });
+    this.url = `http://127.0.0.1:${this.server.address().port}/`;
+    return this;
+  }
+
+  stop() {
+    this.server.close();
+    this.server.closeAllConnections();
+  }
+
+  async #body(path) {
+    if (this.files.has(path)) {
+      return this.files.get(path);
+    }
+    const [, folder, ...rest] = path.split('/');
+    const place = folder === 'pictures' ? join(BTF_WEB_PICTURES, ...rest) : join(BTF_WEB_PAGE, path);
+    return readFile(place);
+  }
+
+  async #answer(request, response) {
+    let path = normalize(decodeURIComponent(new URL(request.url, this.url).pathname));
+    path = path.endsWith('/') ? `${path}index.html` : path;
+    let body;
+    try {
+      body = await this.#body(path);
+    } catch {
+      response.writeHead(404).end();
+      return;
+    }
+    const headers = { 'content-type': TYPES[extname(path)] ?? 'application/octet-stream' };
+    const range = this.hasRanges && /^bytes=(\d+)-(\d+)$/.exec(request.headers.range ?? '');
+    if (!range) {
+      response.writeHead(200, { ...headers, 'content-length': body.length }).end(body);
+      return;
+    }
+    const [from, to] = [Number(range[1]), Math.min(Number(range[2]), body.length - 1)];
+    const part = body.subarray(from, to + 1);
+    this.asked.push([from, to]);
+    response.writeHead(206, { ...headers, 'content-range': `bytes ${from}-${to}/${body.length}`, 'content-length': part.length });
+    if (this.cuts > 0 && part.length > 20_000) {
+      this.cuts -= 1;
+      this.broken += 1;
+      response.write(part.subarray(0, part.length / 2), () => setTimeout(() => response.destroy(), 50));
+      return;
+    }
+    response.end(part);
+  }
+}
+
+/** Starts Chromium. */
+export async function launch() {
+  const { chromium } = await import(pathToFileURL(join(BTF_WEB_PLAYWRIGHT, 'index.mjs')));
+  return chromium.launch({ executablePath: BTF_WEB_BROWSER, args: FLAGS });
+}
+
+/** Opens the page and notes what its viewer tells; `errors` are the browser's. */
+export async function open(browser, url, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 620, height: 420 }, ...options });
+  const page = await context.newPage();
+  page.errors = [];
+  page.on('pageerror', (error) => page.errors.push(String(error)));
+  page.on('console', (message) => message.type() === 'error' && page.errors.push(message.text()));
+  if (options.init) {
+    await page.addInitScript(options.init);
+  }
+  await page.goto(url);
+  await page.evaluate(() => {
+    const view = document.querySelector('btf-view');
+    window.told = { samples: 0, loaded: [], messages: [] };
+    view.addEventListener('picture', ({ detail }) => { window.told.samples = detail; });
+    view.addEventListener('loaded', ({ detail }) => window.told.loaded.push(detail));
+    view.addEventListener('message', ({ detail }) => window.told.messages.push(detail));
+  });
+  return page;
+}
+
+/** Waits until the picture has so many samples a pixel. */
+export function drawn(page, samples = 1) {
+  return page.waitForFunction((least) => window.told.samples >= least, samples, { timeout: 240_000 });
+}
+
+/** The line below the picture. */
+export function line(page) {
+  return page.evaluate(() => document.querySelector('btf-view').shadowRoot.querySelector('p').textContent);
+}
+
+/** Runs btf-view and returns the path of its picture on the server. */
+export async function native(name, args) {
+  await promisify(execFile)(BTF_VIEW, [...args, '--headless', '--backend', 'bvh', '--out', join(BTF_WEB_PICTURES, `${name}.png`)]);
+  return `/pictures/${name}.png`;
+}
