@@ -13,6 +13,7 @@
 mod arguments;
 mod checks;
 mod chores;
+mod counts;
 mod failure;
 mod gpu_goals;
 mod gpu_page;

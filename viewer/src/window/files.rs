@@ -156,6 +156,10 @@ mod tests {
         open_file(&mut scene, 0, &write("s.toml", text.as_bytes())).unwrap();
         assert_eq!(scene.geometry.triangles().len(), 12);
         let lights = scene.lights.clone();
+        let mut other = scene.clone();
+        let tree = include_bytes!("../scene/builtin/tree.voltex");
+        open_file(&mut other, 0, &write("tree.voltex", tree)).unwrap();
+        assert!(other.volumes.is_some() && other.sun.is_some() && other.assets.is_empty());
         for (name, bytes) in [("x.spmm", &weave[..200]), ("x.obj", b"f 1 2 3"), ("x.hdr", b"no"), ("x.txt", b"")] {
             let path = write(name, bytes);
             let message = open_file(&mut scene, 0, &path).unwrap_err().to_string();

@@ -45,9 +45,9 @@ const STYLE = `
   p.error { background: #8b1a1ae0; }
   button { margin-left: 8px; font: inherit; }
   slot { display: none; }
-  :host([without-webgpu]) slot { display: block; }
+  :host([without-webgpu]) slot { display: block; position: absolute; inset: 0; }
   :host([without-webgpu]) canvas { display: none; }
-  ::slotted(img) { max-width: 100%; max-height: 100%; display: block; margin: auto; }
+  ::slotted(img) { width: 100%; height: 100%; object-fit: contain; display: block; }
 `;
 
 /**
@@ -117,6 +117,8 @@ export class BtfView extends HTMLElement {
     const isNamed = (file) => !/\.(spmm|glb|gltf|obj|hdr|exr|toml|voltex)$/i.test(file.name);
     const order = (file) => (isNamed(file) ? 0 : /\.(toml|gltf)$/i.test(file.name) ? 2 : 1);
     all.sort((a, b) => order(a) - order(b));
+    // Where nothing can be opened the viewer says so.
+    const isLost = all.length > 0 && all.every(isNamed);
     for (const file of all) {
       const bytes = await file.arrayBuffer();
       if (/\.spmm$/i.test(file.name) && !all.some((other) => order(other) === 2)) {
@@ -124,7 +126,7 @@ export class BtfView extends HTMLElement {
         continue;
       }
       this.#hand(file.name, bytes);
-      if (!isNamed(file) && !(order(file) === 1 && all.some((other) => order(other) === 2))) {
+      if (isLost || !isNamed(file) && !(order(file) === 1 && all.some((other) => order(other) === 2))) {
         this.#send({ kind: 'drop', name: file.name, ...at });
       }
     }
@@ -297,8 +299,7 @@ export class BtfView extends HTMLElement {
       return;
     }
     if (data.kind === 'failed') {
-      const source = this.getAttribute('src');
-      this.#tell(`${source ? nameOf(source) : 'the file'}: ${data.message}`, true);
+      this.#tell(`${data.name}: ${data.message}`, true);
       return;
     }
     const { name, expanded, original, isWhole, bytes } = data;

@@ -12,7 +12,8 @@ const AT_ONCE_BYTES = 256 << 10;
 // How often a connection that breaks is taken up again.
 const RETRIES = 4;
 
-let ready;
+let begin;
+const ready = new Promise((resolve) => { begin = resolve; });
 
 // Reads a response into `bytes` from byte `at` on, as far as it goes; returns where it ended.
 async function drain(response, bytes, at, onBytes) {
@@ -137,7 +138,7 @@ onmessage = async ({ data }) => {
   const { kind, id } = data;
   try {
     if (kind === 'open') {
-      ready = init({ module_or_path: data.module });
+      begin(init({ module_or_path: data.module }));
       return;
     }
     await ready;
@@ -147,6 +148,6 @@ onmessage = async ({ data }) => {
       give(id, data.name, new Uint8Array(data.bytes), true);
     }
   } catch (error) {
-    postMessage({ kind: 'failed', id, message: error.message });
+    postMessage({ kind: 'failed', id, name: data.name, message: error.message });
   }
 };

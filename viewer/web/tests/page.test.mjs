@@ -132,20 +132,26 @@ test('pictures are those of btf-view', { skip }, async () => {
 
 test('white surfaces in white light are not to be seen', { skip }, async () => {
   const page = await unseen();
-  const scene = `background = [0.5, 0.5, 0.5]\n[ambient]\nradiance = [0.5, 0.5, 0.5]\n[[material]]\nname = "white"\ndiffuse = [1, 1, 1]
-[[object]]\nmesh = "sphere"\nmaterial = "white"\n`;
-  const worst = await page.evaluate(async (text) => {
+  const light = [...Buffer.from('#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n'), ...new Array(32).fill(128)];
+  // Mean and range of the values of a sphere of so much reflectance in light of radiance 0.5, which is 187.5 of 255.
+  const values = (reflectance) => page.evaluate(async ({ light, reflectance }) => {
     const view = document.querySelector('btf-view');
-    await view.open([new File([text], 'furnace.toml')]);
-    view.setAttribute('scene', 'furnace.toml');
+    const scene = `[environment]\nfile = "white.hdr"\n[[material]]\nname = "white"\ndiffuse = [${reflectance}]
+      [[object]]\nmesh = "sphere"\nmaterial = "white"\n`;
+    const name = `furnace_${reflectance[0]}.toml`;
+    await view.open([new File([scene], name), new File([new Uint8Array(light)], 'white.hdr')]);
+    view.setAttribute('scene', name);
     view.view = '{"paths":[true,4]}';
     const bitmap = await createImageBitmap(await view.picture({ width: 48, height: 48, samples: 32 }));
     const context = new OffscreenCanvas(48, 48).getContext('2d');
     context.drawImage(bitmap, 0, 0);
-    const { data } = context.getImageData(0, 0, 48, 48);
-    return data.reduce((worst, value, i) => (i % 4 === 3 ? worst : Math.max(worst, Math.abs(value - 188))), 0);
-  }, scene);
-  assert.ok(worst <= 2, `${worst} of 255`);
+    const values = context.getImageData(0, 0, 48, 48).data.filter((_, i) => i % 4 !== 3);
+    return [values.reduce((sum, value) => sum + value, 0) / values.length, Math.min(...values), Math.max(...values)];
+  }, { light, reflectance });
+  const [mean, least, most] = await values([1, 1, 1]);
+  assert.ok(Math.abs(mean - 187.5) < 0.6 && least > 176 && most < 199, `${mean}, from ${least} to ${most}`);
+  const [darker] = await values([0.9, 0.9, 0.9]);
+  assert.ok(darker < 185, `planted: ${darker} of grey surfaces`);
   await page.context().close();
 });
 

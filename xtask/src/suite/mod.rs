@@ -1,6 +1,5 @@
 //! `cargo xtask test`: everything that CI runs, and its quick tier.
 
-pub mod counts;
 mod runners;
 mod steps;
 
@@ -8,6 +7,7 @@ use crate::arguments::asks_for_help;
 use crate::checks::{arrows, header, licences, links, rooms, words};
 use crate::chores::check::{CLIPPY, CLIPPY_WITHOUT_WINDOW, FORMAT};
 use crate::chores::fuzz;
+use crate::counts::Counts;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
 use crate::shell::root;
@@ -16,7 +16,6 @@ use crate::tools::{
     asset_tools, browser, compilers, driver, peers, shader_tools, viewer_page, wasm, wasm_bindgen, web_package,
     window_tools,
 };
-use counts::Counts;
 use std::path::Path;
 use steps::Suite;
 

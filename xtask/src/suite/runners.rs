@@ -3,7 +3,7 @@
 //! Tests that need nothing but Rust run first, those with other programs or a GPU when these have been installed. The
 //! two are told apart by the names of test programs, so that all run in one build of the workspace.
 
-use super::counts::{self, Counts};
+use crate::counts::{self, Counts};
 use crate::metadata::{Metadata, has_subcommand};
 use crate::shell::{cargo, run_and_read};
 use crate::tools::driver;

@@ -1,7 +1,7 @@
 //! The steps of the suite: runs each, prints its counts and what it cost, and remembers what failed.
 
-use super::counts::Counts;
 use super::runners::Tested;
+use crate::counts::Counts;
 use crate::failure::Failure;
 use crate::shell::{self, cargo};
 use std::time::Instant;

@@ -2,9 +2,9 @@
 //! browser.
 
 use super::{browser, wasm, wasm_bindgen};
+use crate::counts::{Counts, from_tap};
 use crate::failure::Failure;
 use crate::shell::{cargo, root, run_and_read, run_checked};
-use crate::suite::counts::{Counts, from_tap};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

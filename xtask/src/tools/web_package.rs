@@ -2,9 +2,9 @@
 //! tests.
 
 use super::{browser, wasm};
+use crate::counts::{Counts, from_tap};
 use crate::failure::Failure;
 use crate::shell::{answer_of, cargo, root, run_and_read, run_checked};
-use crate::suite::counts::{Counts, from_tap};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -72,11 +72,26 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
 fn volume_on_ground(name: &str, side_m: f32) -> String {
     let name = toml::Value::from(name);
     let [half, radius] = [1.5 * side_m, 2.5 * side_m];
+    let target = 0.4 * side_m;
     format!(
-        "[[material]]\nname = \"ground\"\ndiffuse = [0.16, 0.14, 0.11]\n[[object]]\nmesh = \"plane\"\nmaterial = \"ground\"\n\
-         rotate_deg = [-90, 0, 0]\nscale = [{half}, {half}, {half}]\n[[volume]]\nfile = {name}\n[camera]\neye = [{radius}, {side_m}, {radius}]\n\
-         target = [0, {target}, 0]\n[daylight]\ndate_time = 2026-06-21T15:00:00+02:00\nplace = [52.5, 13.4]\n",
-        target = 0.4 * side_m
+        r#"
+        [[material]]
+        name = "ground"
+        diffuse = [0.16, 0.14, 0.11]
+        [[object]]
+        mesh = "plane"
+        material = "ground"
+        rotate_deg = [-90, 0, 0]
+        scale = [{half}, {half}, {half}]
+        [[volume]]
+        file = {name}
+        [camera]
+        eye = [{radius}, {side_m}, {radius}]
+        target = [0, {target}, 0]
+        [daylight]
+        date_time = "2026-06-21T15:00+02:00"
+        place = "52.5,13.4"
+        "#
     )
 }
 
@@ -112,7 +127,7 @@ fn scene_of_file(file: &SceneFile, source: Source, mut shown: Shown) -> Result<S
     // Put it together.
     let mut scene = scene_of(path, meshes, shown, first_model, &leaf_widths)?;
     put_volumes_into(&mut scene, &places, &file.skins, files, source)?;
-    if let Some(wind) = file.wind.clone() {
+    if let Some(wind) = file.wind {
         put_wind_into(&mut scene, wind, &file.skins, source)?;
     }
     file.camera.put_into(&mut scene, source)?;
