@@ -1,5 +1,6 @@
-// A server for the page and a browser that opens it. `cargo xtask test` sets BTF_WEB_PAGE to the page's folder, BTF_WEB_PICTURES to
-// one for pictures, BTF_VIEW to btf-view, BTF_WEB_BROWSER to Chromium and BTF_WEB_PLAYWRIGHT to the folder of playwright-core.
+// A server for the page and a browser that opens it. `cargo xtask test` sets BTF_WEB_PAGE to the page's folder, BTF_WEB_PACKAGE to
+// btf-runtime's, BTF_WEB_PICTURES to one for pictures, BTF_VIEW and BTF_FIT to the programs, BTF_WEB_BROWSER to Chromium and
+// BTF_WEB_PLAYWRIGHT to the folder of playwright-core, beside which three.js is.
 
 import { execFile } from 'node:child_process';
 import { readFile } from 'node:fs/promises';
@@ -8,7 +9,7 @@ import { extname, join, normalize } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import { promisify } from 'node:util';
 
-const { BTF_WEB_PAGE, BTF_WEB_PICTURES, BTF_VIEW, BTF_WEB_BROWSER, BTF_WEB_PLAYWRIGHT } = process.env;
+const { BTF_WEB_PACKAGE, BTF_WEB_PAGE, BTF_WEB_PICTURES, BTF_VIEW, BTF_WEB_BROWSER, BTF_WEB_PLAYWRIGHT } = process.env;
 
 /** Why tests are left out, or false. */
 export const skip = BTF_WEB_BROWSER && BTF_WEB_PLAYWRIGHT ? false : 'no browser';
@@ -56,8 +57,8 @@ export class Site {
       return this.files.get(path);
     }
     const [, folder, ...rest] = path.split('/');
-    const place = folder === 'pictures' ? join(BTF_WEB_PICTURES, ...rest) : join(BTF_WEB_PAGE, path);
-    return readFile(place);
+    const folders = { pictures: BTF_WEB_PICTURES, package: BTF_WEB_PACKAGE, three: join(BTF_WEB_PLAYWRIGHT, '../three') };
+    return readFile(folders[folder] ? join(folders[folder], ...rest) : join(BTF_WEB_PAGE, path));
   }
 
   async #answer(request, response) {

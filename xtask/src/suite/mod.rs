@@ -119,14 +119,18 @@ fn install(suite: &mut Suite, target: &Path) {
     }
     if suite.tool("WebAssembly", NO_WEB, || wasm::ensure(target)) {
         suite.tool("browser", NO_WEB, || browser::ensure(target));
+        let mut package = None;
         suite.step("package for browsers", || {
-            let package = web_package::build(target, "dev").map_err(|failure| failure.to_string())?;
-            web_package::test(target, &package, "dev").map_err(|failure| failure.to_string())
+            let made = web_package::build(target, "dev").map_err(|failure| failure.to_string())?;
+            let counts = web_package::test(target, &made, "dev").map_err(|failure| failure.to_string());
+            package = Some(made);
+            counts
         });
         if suite.tool("wasm-bindgen", NO_WEB, || wasm_bindgen::ensure(target)) {
             suite.step("page", || {
                 let page = viewer_page::build(target, "dev").map_err(|failure| failure.to_string())?;
-                viewer_page::test(target, &page, "dev").map_err(|failure| failure.to_string())
+                let package = package.ok_or("the package for browsers was not made")?;
+                viewer_page::test(target, &page, &package, "dev").map_err(|failure| failure.to_string())
             });
         }
     }

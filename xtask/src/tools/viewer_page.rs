@@ -53,25 +53,21 @@ pub fn publish(page: &Path, folder: &Path) -> Result<(), Failure> {
     copy_folder(page, folder)
 }
 
-/// Runs the tests of the page in a browser; pictures are compared with those of btf-view in this profile.
-pub fn test(target: &Path, page: &Path, profile: &str) -> Result<Counts, Failure> {
-    run_checked(&mut cargo(&[
-        "build",
-        "--quiet",
-        "--package",
-        "btf-viewer",
-        "--bin",
-        "btf-view",
-        "--profile",
-        profile,
-    ]))?;
+/// Runs the tests of the page and of the package `btf-runtime` for three.js in a browser; pictures are compared with those of
+/// btf-view in this profile.
+pub fn test(target: &Path, page: &Path, package: &Path, profile: &str) -> Result<Counts, Failure> {
+    for (package, program) in [("btf-viewer", "btf-view"), ("btf-fit", "btf-fit")] {
+        let build = ["build", "--quiet", "--package", package, "--bin", program, "--profile", profile];
+        run_checked(&mut cargo(&build))?;
+    }
     let binaries = target.join(if profile == "dev" { "debug" } else { profile });
     let pictures = target.join("web/pictures");
     std::fs::create_dir_all(&pictures).map_err(|error| failed(&pictures, &error))?;
     let mut node = Command::new("node");
     // One after the other: each draws on all processors.
     node.args(["--test", "--test-reporter=tap", "--test-concurrency=1"]).arg(root().join(TESTS));
-    node.env("BTF_WEB_PAGE", page).env("BTF_WEB_PICTURES", &pictures).env("BTF_VIEW", binaries.join("btf-view"));
+    node.env("BTF_WEB_PAGE", page).env("BTF_WEB_PICTURES", &pictures).env("BTF_WEB_PACKAGE", package);
+    node.env("BTF_VIEW", binaries.join("btf-view")).env("BTF_FIT", binaries.join("btf-fit"));
     browser::tell(target, &mut node);
     let (status, output) = run_and_read(&mut node)?;
     match from_tap(&output) {

@@ -13,11 +13,15 @@ const SCRIPTS: &str = "runtime/web";
 /// The package below the target folder, as npm takes it.
 const PACKAGE: &str = "web/btf-runtime";
 /// The files of the package that are in the repository, from its root.
-const FILES: [&str; 7] = [
+const FILES: [&str; 11] = [
     "runtime/web/package.json",
     "runtime/web/README.md",
     "runtime/web/index.js",
     "runtime/web/index.d.ts",
+    "runtime/web/three.js",
+    "runtime/web/three.d.ts",
+    "runtime/web/three_worker.js",
+    "runtime/web/three.html",
     "runtime/web/wgsl.d.ts",
     "LICENSE-MIT",
     "LICENSE-APACHE",

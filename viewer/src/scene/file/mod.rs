@@ -71,7 +71,7 @@ pub fn load_scene(path: &Path, shown: impl Into<Shown>) -> Result<Scene, ViewerE
 /// Returns the ground that a volume is shown on, `side_m` wide, as a scene file has it.
 fn volume_on_ground(name: &str, side_m: f32) -> String {
     let name = toml::Value::from(name);
-    let [half, radius] = [1.5 * side_m, 2.5 * side_m];
+    let [half, radius] = [1.5 * side_m, 1.7 * side_m];
     let target = 0.4 * side_m;
     format!(
         r#"
