@@ -27,7 +27,7 @@ fn asset_word(index: u32) -> u32 {
 }
 ${btfWGSL}`, [], 'wgsl');
 
-// Evaluates the asset at the level whose texels are about as wide as a pixel. \`first\` has the buffer declared.
+// Evaluates the asset at the level whose texels are about as wide as a pixel. `first` has the buffer declared.
 const evaluate = wgslFn(`
 fn btf_three(first: u32, place: vec2<f32>, width: vec2<f32>, wi: vec3<f32>, wo: vec3<f32>, limits: vec4<u32>) -> vec3<f32> {
   let size = vec2<f32>(btf_size(0u, btf_layer_for_sides(0u, 0u, 0u, 0u)));

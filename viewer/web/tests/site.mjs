@@ -57,7 +57,7 @@ export class Site {
       return this.files.get(path);
     }
     const [, folder, ...rest] = path.split('/');
-    const folders = { pictures: BTF_WEB_PICTURES, package: BTF_WEB_PACKAGE, three: join(BTF_WEB_PLAYWRIGHT, '../three') };
+    const folders = { pictures: BTF_WEB_PICTURES, package: BTF_WEB_PACKAGE, npm: join(BTF_WEB_PLAYWRIGHT, '..') };
     return readFile(folders[folder] ? join(folders[folder], ...rest) : join(BTF_WEB_PAGE, path));
   }
 

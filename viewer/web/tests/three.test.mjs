@@ -10,9 +10,22 @@ import { promisify } from 'node:util';
 import { Site, launch, native, pictures, skip } from './site.mjs';
 
 const SIZE = 128;
-const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="importmap">{ "imports": {
-  "three": "/three/build/three.webgpu.js", "three/webgpu": "/three/build/three.webgpu.js", "three/tsl": "/three/build/three.tsl.js",
-  "three/addons/": "/three/examples/jsm/", "btf-runtime/": "/package/" } }</script>`;
+const PAGE = `<!doctype html><link rel="icon" href="data:,"><script type="importmap">${JSON.stringify({
+  imports: {
+    three: '/npm/three/build/three.webgpu.js',
+    'three/webgpu': '/npm/three/build/three.webgpu.js',
+    'three/tsl': '/npm/three/build/three.tsl.js',
+    'three/addons/': '/npm/three/examples/jsm/',
+    'three/examples/jsm/': '/npm/three/examples/jsm/',
+    'three-mesh-bvh': '/npm/three-mesh-bvh/src/index.js',
+    'three-mesh-bvh/webgpu': '/npm/three-mesh-bvh/src/webgpu/index.js',
+    'three-gpu-pathtracer/webgpu': '/npm/three-gpu-pathtracer/src/webgpu/index.js',
+    'three-gpu-pathtracer/src/': '/npm/three-gpu-pathtracer/src/',
+    // A denoiser, which nothing here asks for.
+    'oidn-web': 'data:text/javascript,export const initUNetFromURL = undefined;',
+    'btf-runtime/': '/package/',
+  },
+})}</script>`;
 const WEAVE = new URL('../../src/scene/builtin/weave.spmm', import.meta.url);
 
 let site;
@@ -39,9 +52,10 @@ async function open() {
   page.on('console', (message) => message.type() === 'error' && page.errors.push(message.text()));
   await page.goto(`${site.url}three.html`);
   await page.evaluate((size) => {
-    // Draws an object as camera and light of the scene below are, 8-bit sRGB.
-    window.draw = async (THREE, object) => {
+    // Returns a renderer, and the camera and the light of the scene below around an object.
+    window.stage = async (THREE, object) => {
       const renderer = new THREE.WebGPURenderer({ antialias: false });
+      renderer.setSize(size, size);
       await renderer.init();
       const scene = new THREE.Scene();
       scene.background = new THREE.Color(0, 0, 0);
@@ -51,9 +65,19 @@ async function open() {
       const camera = new THREE.PerspectiveCamera(40, 1, 0.1, 100);
       camera.position.set(0.5, 0.6, 3.4);
       camera.lookAt(0, 0, 0);
+      scene.updateMatrixWorld(true);
+      camera.updateMatrixWorld(true);
+      return { renderer, scene, camera };
+    };
+    window.draw = async (THREE, object) => {
+      const { renderer, scene, camera } = await window.stage(THREE, object);
+      return window.read(THREE, renderer, () => renderer.render(scene, camera));
+    };
+    // Returns what is drawn, 8-bit sRGB.
+    window.read = async (THREE, renderer, draw) => {
       const target = new THREE.RenderTarget(size, size, { type: THREE.FloatType });
       renderer.setRenderTarget(target);
-      await renderer.renderAsync(scene, camera);
+      draw();
       const linear = await renderer.readRenderTargetPixelsAsync(target, 0, 0, size, size);
       const encode = (x) => Math.round(255 * (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055));
       const pixels = [];
@@ -84,8 +108,17 @@ async function open() {
   return page;
 }
 
+// The sphere as OBJ.
+function sphere(page) {
+  return page.evaluate(async () => {
+    const THREE = await import('three/webgpu');
+    const { OBJExporter } = await import('three/addons/exporters/OBJExporter.js');
+    return new OBJExporter().parse(new THREE.Mesh(new THREE.SphereGeometry(1, 96, 48)));
+  });
+}
+
 // The picture of the same by btf-view, of a mesh in OBJ.
-async function reference(obj) {
+async function reference(name, obj, frames) {
   const folder = await mkdtemp(join(tmpdir(), 'btf-three-'));
   await writeFile(join(folder, 'sphere.obj'), obj);
   await writeFile(join(folder, 'weave.spmm'), await readFile(WEAVE));
@@ -94,17 +127,13 @@ async function reference(obj) {
 [[object]]\nmesh = "sphere.obj"\nmaterial = "weave"
 [[light]]\nposition = [2, 3, 4]\nintensity = [30, 30, 30]
 [camera]\neye = [0.5, 0.6, 3.4]\ntarget = [0, 0, 0]\nfov_deg = 40\n`);
-  return native('three', ['--scene', join(folder, 'scene.toml'), '--size', `${SIZE}x${SIZE}`, '--filter', 'nearest']);
+  const options = ['--size', `${SIZE}x${SIZE}`, '--filter', 'nearest', '--frames', `${frames}`];
+  return native(name, ['--scene', join(folder, 'scene.toml'), ...options]);
 }
 
 test('a sphere in three.js is that of btf-view', { skip }, async (t) => {
   const page = await open();
-  const obj = await page.evaluate(async () => {
-    const THREE = await import('three/webgpu');
-    const { OBJExporter } = await import('three/addons/exporters/OBJExporter.js');
-    return new OBJExporter().parse(new THREE.Mesh(new THREE.SphereGeometry(1, 96, 48)));
-  });
-  const url = await reference(obj);
+  const url = await reference('three', await sphere(page), 1);
   const { whole, derived, plain, png } = await page.evaluate(async (url) => {
     const THREE = await import('three/webgpu');
     const { BtfLoader } = await import('btf-runtime/three.js');
@@ -134,6 +163,51 @@ test('a sphere in three.js is that of btf-view', { skip }, async (t) => {
   assert.ok(whole >= 40, `${whole} dB`);
   assert.ok(derived >= 38, `${derived} dB without tangents`);
   assert.ok(plain < whole - 6, `planted: ${plain} dB without the residual`);
+  await page.close();
+});
+
+test('a sphere in three-gpu-pathtracer is that of btf-view', { skip }, async (t) => {
+  const page = await open();
+  const url = await reference('traced', await sphere(page), 32);
+  const { traced, plain, png } = await page.evaluate(async (url) => {
+    const THREE = await import('three/webgpu');
+    const { texture } = await import('three/tsl');
+    const { WebGPUPathTracer } = await import('three-gpu-pathtracer/webgpu');
+    const { BtfLoader } = await import('btf-runtime/three.js');
+    const { BtfPathTracingMaterial } = await import('btf-runtime/three_path_tracer.js');
+    const { words } = await new BtfLoader().loadAsync('/weave.spmm');
+    const expected = await window.pixelsOf(url);
+    const trace = async (prepare) => {
+      const mesh = new THREE.Mesh(new THREE.SphereGeometry(1, 96, 48), new THREE.MeshPhysicalMaterial());
+      const { renderer, scene, camera } = await window.stage(THREE, mesh);
+      const pathTracer = new WebGPUPathTracer(renderer);
+      prepare(mesh, pathTracer);
+      Object.assign(pathTracer, { maxBounces: 1, renderToCanvas: false, dynamicLowRes: false, filterGlossyFactor: 0 });
+      pathTracer.useMegakernel(true);
+      pathTracer.setScene(scene, camera);
+      for (let sample = 0; sample < 24; sample += 1) {
+        pathTracer.renderSample();
+        await new Promise((resolve) => { setTimeout(resolve, 20); });
+      }
+      const shown = new THREE.MeshBasicNodeMaterial();
+      shown.colorNode = texture(pathTracer.target);
+      return window.read(THREE, renderer, () => new THREE.QuadMesh(shown).render(renderer));
+    };
+    const pixels = await trace((mesh, pathTracer) => {
+      const btf = new BtfPathTracingMaterial(pathTracer.getMaterial());
+      mesh.geometry = btf.prepare(mesh.geometry);
+      mesh.material = btf.add(words);
+      pathTracer.setMaterial(btf);
+    });
+    const traced = window.psnr(pixels, expected);
+    const plain = window.psnr(await trace(() => {}), expected);
+    return { traced, plain, png: await window.pngOf(pixels) };
+  }, url);
+  await writeFile(join(pictures, 'in_path_tracer.png'), Buffer.from(png));
+  t.diagnostic(`${traced.toFixed(1)} dB, ${plain.toFixed(1)} of a white sphere`);
+  assert.deepEqual(page.errors, []);
+  assert.ok(traced >= 32, `${traced} dB`);
+  assert.ok(plain < traced - 10, `planted: ${plain} dB of a white sphere`);
   await page.close();
 });
 

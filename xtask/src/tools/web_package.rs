@@ -13,7 +13,7 @@ const SCRIPTS: &str = "runtime/web";
 /// The package below the target folder, as npm takes it.
 const PACKAGE: &str = "web/btf-runtime";
 /// The files of the package that are in the repository, from its root.
-const FILES: [&str; 11] = [
+const FILES: [&str; 13] = [
     "runtime/web/package.json",
     "runtime/web/README.md",
     "runtime/web/index.js",
@@ -22,6 +22,8 @@ const FILES: [&str; 11] = [
     "runtime/web/three.d.ts",
     "runtime/web/three_worker.js",
     "runtime/web/three.html",
+    "runtime/web/three_path_tracer.js",
+    "runtime/web/three_path_tracer.d.ts",
     "runtime/web/wgsl.d.ts",
     "LICENSE-MIT",
     "LICENSE-APACHE",
