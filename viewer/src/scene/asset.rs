@@ -1,7 +1,7 @@
 //! A packed asset of a scene, in either form.
 
 use crate::error::ViewerError;
-use btf_capture::{CaptureError, SharedBytes};
+use btf_capture::SharedBytes;
 use btf_runtime::{
     Asset, Edits, FormatError, HeightField, PackedGoal, Resident, ResidentFile, SurfaceSide, with_levels,
 };
@@ -62,10 +62,8 @@ impl SceneAsset {
     pub fn load(path: &Path) -> Result<SceneAsset, ViewerError> {
         let bad = |source| ViewerError::Asset { path: path.into(), source };
         // What cannot be opened is told in our own words.
-        let bytes = SharedBytes::map(path).map_err(|error| match error {
-            CaptureError::Read { path, source } => ViewerError::Read { path, source },
-            other => other.into(),
-        })?;
+        btf_capture::files::open(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
+        let bytes = SharedBytes::map(path)?;
         let name = path.file_stem().map_or_else(|| "asset".into(), |stem| stem.to_string_lossy().into_owned());
         let made = match bytes {
             Some(bytes) if ResidentFile::is_one(bytes.as_ref()) => {

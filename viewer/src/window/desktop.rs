@@ -15,6 +15,11 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::{Window, WindowId};
 
+/// Title of a window whose edits are saved.
+const TITLE: &str = "BTF viewer";
+/// Title of a window with unsaved edits.
+const UNSAVED_TITLE: &str = "* BTF viewer";
+
 /// Opens a window and returns when the user closes it, which asks where edits are unsaved. Needs an adapter even for
 /// the CPU renderer, to show its picture.
 ///
@@ -68,8 +73,7 @@ impl Shown {
         let settings = Settings::load();
         let [width, height] = params.size.unwrap_or(settings.size);
         let size = winit::dpi::PhysicalSize::new(width, height);
-        let title = View::TITLE;
-        let attributes = Window::default_attributes().with_title(title).with_inner_size(size);
+        let attributes = Window::default_attributes().with_title(TITLE).with_inner_size(size);
         let window = Arc::new(event_loop.create_window(attributes).map_err(|error| no_window(&error))?);
         let instance = instance(Some(Box::new(event_loop.owned_display_handle())));
         let host = DesktopHost(window.clone());
@@ -86,7 +90,7 @@ impl Shown {
             Some(canvas.gpu.device.limits().max_texture_dimension_2d as usize),
         );
         let view = View::new(canvas, scene, params, settings)?;
-        Ok(Shown { window, input, view, is_occluded: false, title })
+        Ok(Shown { window, input, view, is_occluded: false, title: TITLE })
     }
 
     fn is_hidden(&self) -> bool {
@@ -100,8 +104,9 @@ impl Shown {
             return Ok(());
         }
         let input = self.input.take_egui_input(&self.window);
-        let Drawn { platform, title, repaint_in, goes_on } = self.view.redraw(input)?;
+        let Drawn { platform, has_unsaved, repaint_in, goes_on } = self.view.redraw(input)?;
         self.input.handle_platform_output(&self.window, platform);
+        let title = if has_unsaved { UNSAVED_TITLE } else { TITLE };
         if title != self.title {
             self.title = title;
             self.window.set_title(title);

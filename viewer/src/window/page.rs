@@ -41,6 +41,8 @@ pub struct PageFrame {
     pub choose_file: bool,
     /// Whether a text field has the focus.
     pub is_typing: bool,
+    /// Whether edits are unsaved.
+    pub has_unsaved: bool,
 }
 
 /// A window on a page.
@@ -172,7 +174,7 @@ impl Page {
         input.time = Some(now_s);
         input.max_texture_side = Some(self.view.canvas.gpu.device.limits().max_texture_dimension_2d as usize);
         input.viewports.entry(input.viewport_id).or_default().native_pixels_per_point = Some(self.pixels_per_point);
-        let Drawn { platform, repaint_in, goes_on, .. } = self.view.redraw(input)?;
+        let Drawn { platform, repaint_in, goes_on, has_unsaved, .. } = self.view.redraw(input)?;
         self.goes_on = goes_on;
         self.repaint_at_s = now_s + repaint_in.as_secs_f64();
         let copied = platform.commands.into_iter().find_map(|command| match command {
@@ -186,6 +188,7 @@ impl Page {
             copied,
             choose_file: self.view.takes_file_choice(),
             is_typing: self.view.canvas.context.egui_wants_keyboard_input(),
+            has_unsaved,
         })
     }
 }

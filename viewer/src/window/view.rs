@@ -37,8 +37,6 @@ const PHYSIOLOGY_WIDTH: f32 = 340.0;
 const NARROW: f32 = 640.0;
 /// Share of a narrow window's height that a panel takes.
 const NARROW_SHARE: f32 = 0.5;
-/// Title of a window with unsaved edits.
-const UNSAVED_TITLE: &str = "* BTF viewer";
 
 /// Everything that exists once the window does.
 pub(super) struct View {
@@ -61,8 +59,8 @@ pub(super) struct View {
 pub(super) struct Drawn {
     /// The pointer's shape, copied text and the like.
     pub platform: egui::PlatformOutput,
-    /// The window's title.
-    pub title: &'static str,
+    /// Whether edits are unsaved.
+    pub has_unsaved: bool,
     /// Time to the next frame, if nothing happens before; 0 for at once.
     pub repaint_in: Duration,
     /// Whether the pictures go on, which the next frame shows.
@@ -78,9 +76,6 @@ struct Frame {
 }
 
 impl View {
-    /// Title of a window whose edits are saved.
-    pub const TITLE: &str = "BTF viewer";
-
     /// Shows a scene on a canvas.
     ///
     /// # Errors
@@ -161,8 +156,8 @@ impl View {
         let repaint_in = if stale || changed || reads { Duration::ZERO } else { delay };
         let goes_on = self.pictures.go_on(&self.document.scene);
         self.area = size;
-        let title = if self.document.has_unsaved() { UNSAVED_TITLE } else { View::TITLE };
-        Ok(Drawn { platform, title, repaint_in, goes_on })
+        let has_unsaved = self.document.has_unsaved();
+        Ok(Drawn { platform, has_unsaved, repaint_in, goes_on })
     }
 
     /// Draws the panels and does what the user asks for.

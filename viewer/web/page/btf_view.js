@@ -57,6 +57,9 @@ const STYLE = `
 export class BtfView extends HTMLElement {
   static observedAttributes = ['src', 'mesh', 'leaf', 'landscape', 'scene', 'daylight', 'place', 'repeat'];
 
+  /** Whether edits are unsaved. */
+  unsaved = false;
+
   #canvas;
   #context;
   #input;
@@ -357,7 +360,8 @@ export class BtfView extends HTMLElement {
     }
   }
 
-  #takePicture({ picture, cursor, copied, chooseFile, isTyping, samples }) {
+  #takePicture({ picture, cursor, copied, chooseFile, isTyping, hasUnsaved, samples }) {
+    this.unsaved = hasUnsaved;
     // A canvas shows a picture at its own size.
     if (this.#canvas.width !== picture.width || this.#canvas.height !== picture.height) {
       this.#canvas.width = picture.width;
@@ -481,6 +485,7 @@ export class BtfView extends HTMLElement {
       send({ kind: 'text', text: this.#input.value });
       this.#input.value = '';
     }, this.#input);
+    on('beforeunload', (event) => this.unsaved && event.preventDefault(), window);
     on('dragover', (event) => event.preventDefault(), this);
     on('drop', (event) => {
       event.preventDefault();

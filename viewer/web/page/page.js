@@ -65,7 +65,15 @@ function remember(link) {
   history.replaceState(null, '', `#${fragment}`);
 }
 
+// Asks where edits would be lost.
+function mayLeave() {
+  return !view.unsaved || window.confirm('Edits are not saved. Go on without them?');
+}
+
 function choose({ src, leaf, landscape, mesh }) {
+  if (!mayLeave()) {
+    return;
+  }
   for (const [key, value] of Object.entries({ src, leaf, landscape, mesh })) {
     if (value) {
       view.setAttribute(key, value);
@@ -81,6 +89,10 @@ for (const entry of document.querySelectorAll('#gallery button')) {
   entry.onclick = () => choose({ mesh: entry.dataset.src ? shape.value : undefined, ...entry.dataset });
 }
 shape.onchange = () => {
+  if (!mayLeave()) {
+    mark();
+    return;
+  }
   if (shape.value) {
     view.setAttribute('mesh', shape.value);
   } else {
@@ -89,6 +101,10 @@ shape.onchange = () => {
   remember();
 };
 daylight.onchange = () => {
+  if (!mayLeave()) {
+    mark();
+    return;
+  }
   if (daylight.checked) {
     view.setAttribute('daylight', 'sun');
   } else {

@@ -34,8 +34,7 @@ function draw() {
     const frame = viewer.frame(performance.now() / 1000);
     if (frame.isDrawn) {
       const picture = canvas.transferToImageBitmap();
-      const { cursor, copied, chooseFile, isTyping } = frame;
-      postMessage({ kind: 'picture', picture, cursor, copied, chooseFile, isTyping, samples: viewer.samples() }, [picture]);
+      postMessage({ ...frame, kind: 'picture', picture, samples: viewer.samples() }, [picture]);
     }
     tellTheRest();
     plan(frame.nextInMs);

@@ -128,15 +128,17 @@ impl Viewer {
     /// # Errors
     /// What the browser reported.
     pub fn frame(&mut self, now: f64) -> Result<Object, JsError> {
-        let PageFrame { is_drawn, next_in_ms, cursor, copied, choose_file, is_typing } = self.page.frame(now)?;
+        let PageFrame { is_drawn, next_in_ms, cursor, copied, choose_file, is_typing, has_unsaved } =
+            self.page.frame(now)?;
         let frame = Object::new();
-        let values: [(&str, JsValue); 6] = [
+        let values: [(&str, JsValue); 7] = [
             ("isDrawn", is_drawn.into()),
             ("nextInMs", next_in_ms.into()),
             ("cursor", cursor.into()),
             ("copied", copied.into()),
             ("chooseFile", choose_file.into()),
             ("isTyping", is_typing.into()),
+            ("hasUnsaved", has_unsaved.into()),
         ];
         for (name, value) in values {
             // A plain object takes every property.

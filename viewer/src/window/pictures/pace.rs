@@ -70,9 +70,7 @@ impl Pace {
             None => shrunk(view, FIRST_PIXELS),
             Some(ms) if ms * pixels(view) as f64 <= AT_ONCE_MS => view,
             // Few sizes, so that buffers are seldom made anew.
-            Some(ms) => {
-                shrunk(view, ((COARSE_MS / ms) as u32).clamp(FIRST_PIXELS / 4, u32::MAX / 2).next_power_of_two())
-            }
+            Some(ms) => shrunk(view, ((COARSE_MS / ms) as u32).clamp(FIRST_PIXELS, u32::MAX / 2).next_power_of_two()),
         }
     }
 
