@@ -1,23 +1,14 @@
 // Opens the package in a real Chromium: WebAssembly answers as in Node.js, and the WGSL text decodes on WebGPU what
-// WebAssembly does. `cargo xtask test` sets BTF_WEB_BROWSER to Chromium and BTF_WEB_PLAYWRIGHT to the folder of
-// playwright-core; without them these tests are skipped, which is told.
+// WebAssembly does.
 
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';
 import { createServer } from 'node:http';
 import { extname, join, normalize } from 'node:path';
 import test from 'node:test';
-import { pathToFileURL } from 'node:url';
+import { TYPES, launch, skip } from '../../../tests/peers/browser/chromium.mjs';
 
-const { BTF_WEB_PACKAGE, BTF_WEB_ANSWERS, BTF_WEB_BROWSER, BTF_WEB_PLAYWRIGHT } = process.env;
-const skip = BTF_WEB_BROWSER && BTF_WEB_PLAYWRIGHT ? false : 'no browser';
-
-const TYPES = { '.js': 'text/javascript', '.json': 'application/json', '.html': 'text/html' };
-// WebGPU without a GPU: SwiftShader, which comes with Chromium.
-const FLAGS = [
-  '--no-sandbox', '--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--disable-background-networking',
-  '--disable-component-update', '--disable-sync', '--no-first-run',
-];
+const { BTF_WEB_PACKAGE, BTF_WEB_ANSWERS } = process.env;
 
 // Serves the package and the answers; a path that leaves their folders is not found.
 async function serve() {
@@ -40,9 +31,8 @@ async function serve() {
 
 // Runs a function in a page of the server's.
 async function inPage(work) {
-  const { chromium } = await import(pathToFileURL(join(BTF_WEB_PLAYWRIGHT, 'index.mjs')));
   const server = await serve();
-  const browser = await chromium.launch({ executablePath: BTF_WEB_BROWSER, args: FLAGS });
+  const browser = await launch();
   try {
     const page = await browser.newPage();
     await page.goto(`http://127.0.0.1:${server.address().port}/`);

@@ -110,7 +110,10 @@ export class BtfView extends HTMLElement {
 
   set view(text) {
     this.#link = text;
-    this.#send({ kind: 'show', shown: this.#shown(), link: text });
+    // What is opened later is seen so.
+    if (this.#isOpen) {
+      this.#send({ kind: 'show', shown: this.#shown(), link: text });
+    }
   }
 
   /** Opens files as if they were dropped, at a place of the window where one is given. */
@@ -196,7 +199,7 @@ export class BtfView extends HTMLElement {
     this.#waiting.splice(0).forEach(([message, parts]) => this.#send(message, parts));
     this.#listen();
     if (['leaf', 'landscape', 'scene'].some((name) => this.hasAttribute(name))) {
-      this.#show();
+      this.#show(this.#link);
     } else {
       this.#loadSource();
     }
@@ -206,7 +209,7 @@ export class BtfView extends HTMLElement {
     this.#viewer?.terminate();
     this.#loader?.terminate();
     this.#viewer = this.#loader = undefined;
-    this.#isOpen = false;
+    this.#isOpen = this.unsaved = false;
     this.#files.clear();
     this.#listening?.abort();
   }
@@ -245,10 +248,11 @@ export class BtfView extends HTMLElement {
     return shown;
   }
 
-  async #show() {
+  // Shows what the attributes tell, seen as `link` tells, or as it usually is.
+  async #show(link) {
     const shown = this.#shown();
     await this.#loadVolumes(shown.landscape);
-    this.#send({ kind: 'show', shown });
+    this.#send({ kind: 'show', shown, link });
     this.#loadSource();
   }
 

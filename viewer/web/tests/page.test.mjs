@@ -250,6 +250,16 @@ test('a phone has room for the picture, and fingers turn it', { skip }, async ()
   }
   await send('touchEnd', []);
   await page.waitForFunction((turned) => location.href !== turned, turned, { timeout: 60_000 });
+  // A leaf's link shows it so, too: what is seen is told anew, and is the same.
+  const other = await open(browser, turned);
+  await other.evaluate(() => {
+    window.links = [];
+    document.querySelector('btf-view').addEventListener('link', ({ detail }) => window.links.push(detail));
+  });
+  await drawn(other, 2);
+  assert.deepEqual(await other.evaluate(() => [location.href, window.links.at(-1) ?? 'none']),
+    [turned, new URLSearchParams(new URL(turned).hash.slice(1)).get('view')]);
+  await other.context().close();
   assert.deepEqual(page.errors, []);
   await page.context().close();
 });

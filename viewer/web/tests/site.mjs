@@ -1,32 +1,18 @@
 // A server for the page and a browser that opens it. `cargo xtask test` sets BTF_WEB_PAGE to the page's folder, BTF_WEB_PACKAGE to
-// btf-runtime's, BTF_WEB_PICTURES to one for pictures, BTF_VIEW and BTF_FIT to the programs, BTF_WEB_BROWSER to Chromium and
-// BTF_WEB_PLAYWRIGHT to the folder of playwright-core, beside which three.js is.
+// btf-runtime's, BTF_WEB_PICTURES to one for pictures, BTF_VIEW and BTF_FIT to the programs. three.js is beside playwright-core.
 
 import { execFile } from 'node:child_process';
 import { readFile } from 'node:fs/promises';
 import { createServer } from 'node:http';
 import { extname, join, normalize } from 'node:path';
-import { pathToFileURL } from 'node:url';
 import { promisify } from 'node:util';
+import { TYPES, launch, skip } from '../../../tests/peers/browser/chromium.mjs';
 
-const { BTF_WEB_PACKAGE, BTF_WEB_PAGE, BTF_WEB_PICTURES, BTF_VIEW, BTF_WEB_BROWSER, BTF_WEB_PLAYWRIGHT } = process.env;
+const { BTF_WEB_PACKAGE, BTF_WEB_PAGE, BTF_WEB_PICTURES, BTF_VIEW, BTF_WEB_PLAYWRIGHT } = process.env;
 
-/** Why tests are left out, or false. */
-export const skip = BTF_WEB_BROWSER && BTF_WEB_PLAYWRIGHT ? false : 'no browser';
+export { launch, skip };
 
 export const pictures = BTF_WEB_PICTURES;
-
-const TYPES = {
-  '.css': 'text/css', '.html': 'text/html', '.jpg': 'image/jpeg', '.js': 'text/javascript', '.png': 'image/png', '.wasm': 'application/wasm',
-};
-
-// WebGPU without a GPU: SwiftShader, which comes with Chromium. Pictures of its canvases reach the page only if Chromium itself
-// draws by it as well.
-const FLAGS = [
-  '--no-sandbox', '--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--use-vulkan=swiftshader',
-  '--use-angle=swiftshader', '--disable-vulkan-surface', '--enable-features=Vulkan', '--disable-background-networking',
-  '--disable-component-update', '--disable-sync', '--no-first-run',
-];
 
 /** The server. */
 export class Site {
@@ -89,12 +75,6 @@ export class Site {
     }
     response.end(part);
   }
-}
-
-/** Starts Chromium. */
-export async function launch() {
-  const { chromium } = await import(pathToFileURL(join(BTF_WEB_PLAYWRIGHT, 'index.mjs')));
-  return chromium.launch({ executablePath: BTF_WEB_BROWSER, args: FLAGS });
 }
 
 /** Opens the page and notes what its viewer tells; `errors` are the browser's. */

@@ -3,12 +3,13 @@
 use crate::arguments;
 use crate::failure::Failure;
 use crate::metadata::Metadata;
-use crate::tools::{asset_tools, compilers, driver, peers, shader_tools, wasm, window_tools};
+use crate::tools::{asset_tools, browser, compilers, driver, peers, shader_tools, wasm, wasm_bindgen, window_tools};
 
 const HELP: &str = "\
 Installs what the tests need besides Rust (Debian packages as root, packages of npm below the target folder), or says what
 to install: the software Vulkan driver of the GPU tests, Xvfb and xdotool for the test of the window, compilers and valgrind
-for the tests in C, the sources of Rust's standard library for WebAssembly, and the programs that check shaders and exported files. BTF_SKIP_PEERS=1 leaves the last two out.
+for the tests in C, the sources of Rust's standard library for WebAssembly, wasm-bindgen, Chromium and Playwright, and the programs that check
+shaders and exported files. BTF_SKIP_PEERS=1 leaves these last programs out.
 
 Usage: cargo xtask setup";
 
@@ -18,7 +19,8 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         return Ok(());
     }
     let target = Metadata::read()?.target_directory;
-    let mut tools = vec![driver::ensure(), window_tools::ensure(), compilers::ensure(), wasm::ensure(&target)];
+    let mut tools = vec![driver::ensure(), window_tools::ensure(), compilers::ensure()];
+    tools.extend([wasm::ensure(&target), wasm_bindgen::ensure(&target), browser::ensure(&target)]);
     if !peers::left_out() {
         tools.extend([
             shader_tools::ensure_validators(),
