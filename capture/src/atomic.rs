@@ -12,10 +12,6 @@ use crate::error::CaptureError;
 /// # Errors
 /// [`CaptureError::Write`] with the path of the folder.
 pub fn create_folder(path: impl AsRef<Path>) -> Result<(), CaptureError> {
-    // A page's files need no folders.
-    if cfg!(target_arch = "wasm32") {
-        return Ok(());
-    }
     fs::create_dir_all(path.as_ref()).map_err(|source| CaptureError::write(path.as_ref(), source))
 }
 

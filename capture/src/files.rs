@@ -63,13 +63,13 @@ mod page {
     /// The files by their paths.
     static FILES: Mutex<BTreeMap<PathBuf, Arc<Vec<u8>>>> = Mutex::new(BTreeMap::new());
     /// What was written and the page has not taken yet.
-    static WRITTEN: Mutex<Vec<(PathBuf, Vec<u8>)>> = Mutex::new(Vec::new());
+    static WRITTEN: Mutex<Vec<(PathBuf, Arc<Vec<u8>>)>> = Mutex::new(Vec::new());
 
     fn files() -> MutexGuard<'static, BTreeMap<PathBuf, Arc<Vec<u8>>>> {
         FILES.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn written() -> MutexGuard<'static, Vec<(PathBuf, Vec<u8>)>> {
+    fn written() -> MutexGuard<'static, Vec<(PathBuf, Arc<Vec<u8>>)>> {
         WRITTEN.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -136,13 +136,13 @@ mod page {
 
     /// Writes a file: it can be read again, and the page can take it.
     pub fn write(path: impl AsRef<Path>, bytes: &[u8]) {
-        let path = plain(path.as_ref());
-        files().insert(path.clone(), Arc::new(bytes.to_vec()));
-        written().push((path, bytes.to_vec()));
+        let (path, bytes) = (plain(path.as_ref()), Arc::new(bytes.to_vec()));
+        files().insert(path.clone(), bytes.clone());
+        written().push((path, bytes));
     }
 
     /// Takes what was written since the last call, in order.
-    pub fn take_written() -> Vec<(PathBuf, Vec<u8>)> {
+    pub fn take_written() -> Vec<(PathBuf, Arc<Vec<u8>>)> {
         std::mem::take(&mut *written())
     }
 }

@@ -1,11 +1,11 @@
 // Packed BTF assets in three.js, on WebGPURenderer: a material, a loader, and a plugin of GLTFLoader. What each does stands in
 // three.d.ts.
 
-import { FileLoader, Loader, LightingModel, NodeMaterial, StorageBufferAttribute } from 'three/webgpu';
+import { FileLoader, Loader, LightingModel, NodeMaterial } from 'three/webgpu';
 import {
-  bitangentView, code, normalView, positionView, positionViewDirection, storage, tangentView, uv, uvec4, vec2, vec3, wgslFn,
+  bitangentView, normalView, positionView, positionViewDirection, tangentView, uv, uvec4, vec2, vec3, wgslFn,
 } from 'three/tsl';
-import { btfWGSL } from './wgsl.js';
+import { decoder, wordsNode } from './three_words.js';
 
 /** Name of the extension of glTF materials. */
 export const BTF_MATERIALS_SPMM = 'BTF_materials_spmm';
@@ -19,14 +19,6 @@ const AROUND = [0, 1, 2, 3].map((quarter) => {
   return [Math.SQRT1_2 * Math.cos(azimuth), Math.SQRT1_2 * Math.sin(azimuth), Math.SQRT1_2];
 });
 
-// The buffer of the words has this name in shaders.
-const WORDS = 'btfWords';
-const library = code(`
-fn asset_word(index: u32) -> u32 {
-  return ${WORDS}.value[index];
-}
-${btfWGSL}`, [], 'wgsl');
-
 // Evaluates the asset at the level whose texels are about as wide as a pixel. `first` has the buffer declared.
 const evaluate = wgslFn(`
 fn btf_three(first: u32, place: vec2<f32>, width: vec2<f32>, wi: vec3<f32>, wo: vec3<f32>, limits: vec4<u32>) -> vec3<f32> {
@@ -34,7 +26,7 @@ fn btf_three(first: u32, place: vec2<f32>, width: vec2<f32>, wi: vec3<f32>, wo: 
   let texels = max(width.x * size.x, width.y * size.y);
   let level = u32(clamp(round(log2(max(texels, 1.0))), 0.0, f32(btf_levels(0u) - 1u)));
   return btf_evaluate(0u, level, place, wi, wo, BtfOptions(limits.x, limits.y, limits.z, limits.w));
-}`, [library]);
+}`, [decoder()]);
 
 // Lights a surface by an asset.
 class BtfLightingModel extends LightingModel {
@@ -109,7 +101,6 @@ export class BtfNodeMaterial extends NodeMaterial {
     return new BtfLightingModel(this);
   }
 
-  // Materials of the same words share a buffer.
   nodesOf() {
     const limits = [this.components, this.lobes, INTERPOLATIONS[this.interpolation], HEIGHTS[this.heights]];
     if (!(this.words instanceof Uint32Array) || limits.includes(undefined)) {
@@ -117,7 +108,7 @@ export class BtfNodeMaterial extends NodeMaterial {
     }
     const [components, lobes, interpolation, heights] = limits;
     return {
-      words: storage(bufferOf(this.words), 'uint', this.words.length).toReadOnly().setName(WORDS),
+      words: wordsNode(this.words),
       place: this.uvNode ?? uv(),
       limits: uvec4(components, lobes, interpolation, heights),
     };
@@ -135,15 +126,6 @@ export class BtfNodeMaterial extends NodeMaterial {
     }
     return this;
   }
-}
-
-const buffers = new WeakMap();
-
-function bufferOf(words) {
-  if (!buffers.has(words)) {
-    buffers.set(words, new StorageBufferAttribute(words, 1));
-  }
-  return buffers.get(words);
 }
 
 /** Loads assets; see three.d.ts. */

@@ -4,14 +4,12 @@
 // coordinates. So the texture coordinates travel as colours of vertices, the frame is that of anisotropy, and the index of
 // refraction of iridescence, which such a surface does not have, tells which asset it carries.
 
-import { DoubleSide, FrontSide, Float32BufferAttribute, MeshPhysicalMaterial, StorageBufferAttribute } from 'three/webgpu';
-import { code, storage } from 'three/tsl';
+import { DoubleSide, FrontSide, Float32BufferAttribute, MeshPhysicalMaterial } from 'three/webgpu';
 import { wgslTagFn } from 'three-mesh-bvh/webgpu';
 import { RNG_INDEX_SCATTER_DIRECTION, rand3 } from 'three-gpu-pathtracer/src/webgpu/nodes/random.wgsl.js';
 import { scatterRecordStruct, surfaceRecordStruct } from 'three-gpu-pathtracer/src/webgpu/nodes/structs.wgsl.js';
-import { btfWGSL } from './wgsl.js';
+import { decoder, wordsNode } from './three_words.js';
 
-const WORDS = 'btfWords';
 // Marks of surfaces with assets: this, plus the asset's number.
 const MARK = 1000;
 
@@ -72,18 +70,14 @@ export class BtfPathTracingMaterial {
 
   getData() {
     const { all, starts } = this.#join();
-    const words = storage(new StorageBufferAttribute(all, 1), 'uint', all.length).toReadOnly().setName(WORDS);
-    const library = code(`
-fn asset_word(index: u32) -> u32 {
-  return ${WORDS}.value[index];
-}
-${btfWGSL}
+    const words = wordsNode(all);
+    const library = decoder(`
 const BTF_STARTS = array<u32, ${starts.length || 1}>(${starts.map((start) => `${start}u`).join() || '0u'});
 fn btf_start(mark: f32) -> u32 {
   let starts = BTF_STARTS;
   return starts[u32(mark - ${MARK}.0 + 0.5)];
 }
-const BTF_ALL = BtfOptions(0xffffffffu, 0xffffffffu, 0u, 2u);`, [], 'wgsl');
+const BTF_ALL = BtfOptions(0xffffffffu, 0xffffffffu, 0u, 2u);`);
     const others = this.others.getData();
     return {
       bsdfSample: wgslTagFn/* wgsl */`

@@ -56,7 +56,7 @@ pub struct Page {
     repaint_at_s: f64,
     /// Whether there is more to draw of the picture.
     goes_on: bool,
-    /// The scene as it was opened, which links are told against.
+    /// The scene as it was opened, which links are told against, without what they do not tell.
     opened: Scene,
 }
 
@@ -84,7 +84,7 @@ impl Page {
             target_ms: None,
             compare: None,
         };
-        let opened = scene.clone();
+        let opened = without_content(&scene);
         let mut view = View::new(canvas, scene, &params, Settings::default())?;
         view.have_host_choose_files();
         let mut page = Page {
@@ -119,7 +119,7 @@ impl Page {
 
     /// Shows another scene.
     pub fn show(&mut self, scene: Scene) {
-        self.opened = scene.clone();
+        self.opened = without_content(&scene);
         self.view.show(scene);
         self.repaint_at_s = 0.0;
     }
@@ -191,6 +191,12 @@ impl Page {
             has_unsaved,
         })
     }
+}
+
+/// Returns a scene without assets, leaves, volumes and surroundings, which would stay in memory after others have taken their
+/// place.
+fn without_content(scene: &Scene) -> Scene {
+    Scene { assets: Vec::new(), leaves: Vec::new(), volumes: None, environment: None, ..scene.clone() }
 }
 
 /// Returns the font of all texts.

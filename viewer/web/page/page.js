@@ -23,21 +23,24 @@ function asked() {
   return all;
 }
 
-// Makes the element show it.
-function follow() {
-  const all = asked();
-  if (all.view) {
-    view.view = all.view;
-  }
-  for (const key of KEYS) {
-    if (all[key]) {
-      if (view.getAttribute(key) !== all[key]) {
-        view.setAttribute(key, all[key]);
-      }
-    } else if (view.hasAttribute(key)) {
-      view.removeAttribute(key);
+// Sets attributes of the element, or removes those without a value.
+function set(attributes) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (!value) {
+      view.removeAttribute(name);
+    } else if (view.getAttribute(name) !== value) {
+      view.setAttribute(name, value);
     }
   }
+}
+
+// Makes the element show it.
+function follow() {
+  const { view: seen, ...attributes } = asked();
+  if (seen) {
+    view.view = seen;
+  }
+  set(attributes);
   mark();
 }
 
@@ -65,53 +68,22 @@ function remember(link) {
   history.replaceState(null, '', `#${fragment}`);
 }
 
-// Asks where edits would be lost.
-function mayLeave() {
-  return !view.unsaved || window.confirm('Edits are not saved. Go on without them?');
-}
-
-function choose({ src, leaf, landscape, mesh }) {
-  if (!mayLeave()) {
-    return;
-  }
-  for (const [key, value] of Object.entries({ src, leaf, landscape, mesh })) {
-    if (value) {
-      view.setAttribute(key, value);
-    } else {
-      view.removeAttribute(key);
-    }
+// Shows what the user has chosen, after a question where edits would be lost.
+function choose(attributes) {
+  if (!view.unsaved || window.confirm('Edits are not saved. Go on without them?')) {
+    set(attributes);
+    remember();
   }
   mark();
-  remember();
 }
 
 for (const entry of document.querySelectorAll('#gallery button')) {
-  entry.onclick = () => choose({ mesh: entry.dataset.src ? shape.value : undefined, ...entry.dataset });
+  const { src, leaf, landscape } = entry.dataset;
+  // Leaves and landscapes have shapes of their own.
+  entry.onclick = () => choose({ src, leaf, landscape, mesh: src && shape.value });
 }
-shape.onchange = () => {
-  if (!mayLeave()) {
-    mark();
-    return;
-  }
-  if (shape.value) {
-    view.setAttribute('mesh', shape.value);
-  } else {
-    view.removeAttribute('mesh');
-  }
-  remember();
-};
-daylight.onchange = () => {
-  if (!mayLeave()) {
-    mark();
-    return;
-  }
-  if (daylight.checked) {
-    view.setAttribute('daylight', 'sun');
-  } else {
-    view.removeAttribute('daylight');
-  }
-  remember();
-};
+shape.onchange = () => choose({ mesh: shape.value });
+daylight.onchange = () => choose({ daylight: daylight.checked && 'sun' });
 document.querySelector('#open').onclick = () => view.choose();
 share.onclick = async () => {
   remember(view.view);

@@ -15,7 +15,7 @@ pub fn hand_over(path: &str, bytes: Vec<u8>) {
 /// Takes the files that were written since the last call: pairs of name and bytes.
 #[wasm_bindgen(js_name = takeWritten)]
 pub fn take_written() -> Array {
-    let pair = |(path, bytes): (std::path::PathBuf, Vec<u8>)| {
+    let pair = |(path, bytes): (std::path::PathBuf, Arc<Vec<u8>>)| {
         Array::of2(&path.display().to_string().into(), &Uint8Array::from(bytes.as_slice()))
     };
     files::take_written().into_iter().map(pair).collect()

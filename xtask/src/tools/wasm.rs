@@ -20,11 +20,11 @@ const SOURCES: &str = "peers/rust-src";
 /// The standard library for [`TARGET`].
 #[derive(Debug, Clone, PartialEq)]
 enum Library {
-    /// rustup has installed it.
+    /// A library that rustup has installed.
     Installed,
-    /// The toolchain has its sources.
+    /// Sources that the toolchain has.
     InToolchain,
-    /// Its sources are in a folder of their own.
+    /// Sources in a folder of their own.
     Sources(PathBuf),
 }
 

@@ -13,13 +13,14 @@ const SCRIPTS: &str = "runtime/web";
 /// The package below the target folder, as npm takes it.
 const PACKAGE: &str = "web/btf-runtime";
 /// The files of the package that are in the repository, from its root.
-const FILES: [&str; 13] = [
+const FILES: [&str; 14] = [
     "runtime/web/package.json",
     "runtime/web/README.md",
     "runtime/web/index.js",
     "runtime/web/index.d.ts",
     "runtime/web/three.js",
     "runtime/web/three.d.ts",
+    "runtime/web/three_words.js",
     "runtime/web/three_worker.js",
     "runtime/web/three.html",
     "runtime/web/three_path_tracer.js",

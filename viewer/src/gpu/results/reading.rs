@@ -8,28 +8,20 @@ use crate::picture::Picture;
 
 /// A picture that is being read.
 pub(crate) enum Reading {
-    /// It is at hand.
-    Whole(Picture),
-    /// Its bands are being copied, from the top.
+    /// A picture that is at hand, until it is taken.
+    Whole(Option<Picture>),
+    /// A picture whose bands are being copied, from the top.
     Bands { gpu: Box<Gpu>, size: [u32; 2], bands: Vec<Readback<GpuPixel>>, pixels: Vec<GpuPixel> },
 }
 
 impl Reading {
-    /// Returns a picture that is at hand as one that is being read.
-    pub(crate) fn of_picture(picture: Picture) -> Reading {
-        Reading::Whole(picture)
-    }
-
     /// Returns the picture once it is there, and nothing after that.
     ///
     /// # Errors
     /// What the driver reported.
     pub(crate) fn take(&mut self) -> Option<Result<Picture, ViewerError>> {
         match self {
-            Reading::Whole(picture) => {
-                let empty = Picture { width: 0, height: 0, radiance: Vec::new() };
-                Some(Ok(std::mem::replace(picture, empty)))
-            }
+            Reading::Whole(picture) => picture.take().map(Ok),
             Reading::Bands { gpu, size, bands, pixels } => {
                 if let Err(error) = gpu.wait() {
                     return Some(Err(error));

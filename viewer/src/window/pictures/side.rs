@@ -284,7 +284,7 @@ impl Side {
             (Some(tracer), _) => tracer.begin_read(),
             (None, Some(canvas)) => {
                 let ([width, height], radiance) = (canvas.size(), canvas.picture.radiance());
-                Ok(Some(Reading::of_picture(Picture { width, height, radiance })))
+                Ok(Some(Reading::Whole(Some(Picture { width, height, radiance }))))
             }
             (None, None) => Ok(None),
         }
