@@ -44,14 +44,17 @@ pub async fn draw_picture<F: Future<Output = ()>>(
         pause().await;
     }
     let band_pixels = (u64::from(size[0]) * u64::from(size[1])).div_ceil(BANDS);
+    // One band is drawn and the next one waits, so that the adapter does not.
+    let mut ahead: Option<Fence> = None;
     for sample in 0..samples {
         request.sample = sample;
         let mut is_last = false;
         while !is_last {
             (_, is_last) = tracer.sample_band(&request, band_pixels)?;
-            let end = Fence::behind_all(&gpu);
-            while !end.has_passed(&gpu) {
-                pause().await;
+            if let Some(end) = ahead.replace(Fence::behind_all(&gpu)) {
+                while !end.has_passed(&gpu) {
+                    pause().await;
+                }
             }
             gpu.check()?;
         }

@@ -5,8 +5,8 @@ import init, { expand, tierLengths } from './btf_viewer.js';
 
 // Bytes that hold the tables of any asset of usual size.
 const TABLES_BYTES = 16 << 10;
-// Part of the file that is shown after the first tier and before the whole.
-const MIDDLE = 0.35;
+// Largest part of the file that is shown after the first tier and before the whole.
+const MIDDLE = 0.5;
 // Files below this come at once.
 const AT_ONCE_BYTES = 256 << 10;
 // How often a connection that breaks is taken up again.
@@ -104,7 +104,7 @@ function chosenTiers(lengths) {
   if (whole <= AT_ONCE_BYTES) {
     return [whole];
   }
-  const middle = lengths.find((length) => length >= MIDDLE * whole) ?? whole;
+  const middle = lengths.findLast((length) => length <= MIDDLE * whole) ?? whole;
   return [...new Set([lengths[0], middle, whole])];
 }
 
@@ -123,13 +123,21 @@ async function load({ id, url, name }) {
   }
   for (const length of chosenTiers(lengths)) {
     const bytes = await download.until(length);
-    give(id, name, bytes, length === download.bytes.length);
+    const isWhole = length === download.bytes.length;
+    // The coarser levels take longer than all else: it is seen before.
+    if (!isWhole || length > AT_ONCE_BYTES) {
+      give(id, name, bytes, false);
+    }
+    if (isWhole) {
+      give(id, name, bytes, true);
+    }
   }
 }
 
+// Gives the page the form that the viewer draws from: in the end with all levels.
 function give(id, name, bytes, isWhole) {
   const original = isWhole ? bytes.slice() : undefined;
-  const expanded = expand(bytes);
+  const expanded = expand(bytes, isWhole);
   const parts = original ? [expanded.buffer, original.buffer] : [expanded.buffer];
   postMessage({ kind: 'asset', id, name, expanded, original, isWhole, bytes: bytes.length }, parts);
 }

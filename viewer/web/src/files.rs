@@ -21,17 +21,19 @@ pub fn take_written() -> Array {
     files::take_written().into_iter().map(pair).collect()
 }
 
-/// Expands an asset, or the beginning of one that ends with a tier, to the form that decoders read, with all levels; one
-/// that has this form stays as it is. Cost: seconds for an asset of 2 MB.
+/// Expands an asset, or the beginning of one that ends with a tier, to the form that decoders read; one that has this form stays
+/// as it is. `has_levels` tells whether coarser levels are made for distant surfaces, which takes longer than all else. Cost:
+/// seconds for an asset of 2 MB.
 ///
 /// # Errors
 /// What is wrong with the bytes.
 #[wasm_bindgen]
-pub fn expand(bytes: Vec<u8>) -> Result<Vec<u8>, JsError> {
+pub fn expand(bytes: Vec<u8>, has_levels: bool) -> Result<Vec<u8>, JsError> {
     if ResidentFile::is_one(&bytes) {
         return Ok(bytes);
     }
-    let file = btf_runtime::open(Arc::new(bytes), Levels::All, &serial)?;
+    let levels = if has_levels { Levels::All } else { Levels::AtHand };
+    let file = btf_runtime::open(Arc::new(bytes), levels, &serial)?;
     Ok(file.pack()?)
 }
 

@@ -113,3 +113,23 @@ export async function native(name, args) {
   await promisify(execFile)(BTF_VIEW, [...args, '--headless', '--backend', 'bvh', '--out', join(BTF_WEB_PICTURES, `${name}.png`)]);
   return `/pictures/${name}.png`;
 }
+
+// The page through which the browser is asked what it does.
+let tracing;
+
+/** Begins to note what the browser does; [endOfTrace] tells. */
+export async function beginTrace(browser) {
+  tracing = await browser.newPage();
+  await browser.startTracing(tracing, { categories: ['toplevel', 'blink.user_timing', '__metadata'] });
+}
+
+/** Returns the processor time in milliseconds of the longest task of the main thread that has set the mark `btf-page`. (Not its
+ * time: the software GPU has other threads wait.) */
+export async function endOfTrace(browser) {
+  const { traceEvents } = JSON.parse((await browser.stopTracing()).toString());
+  await tracing.close();
+  const own = traceEvents.find(({ name }) => name === 'btf-page');
+  const isOwn = ({ pid, tid }) => pid === own.pid && tid === own.tid;
+  const tasks = traceEvents.filter((event) => isOwn(event) && /RunTask/.test(event.name) && event.tdur);
+  return tasks.reduce((longest, { tdur }) => Math.max(longest, tdur / 1000), 0);
+}
