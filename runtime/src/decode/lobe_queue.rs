@@ -2,8 +2,9 @@
 //! bits. A texel has lobes of many families; lobes of many texels wait here until enough of one family are together.
 
 use crate::asset::lobe::{LobeFamily, LobeSetup, ResidentLobe, lobe_family};
+use crate::numeric::in_vectors::in_vectors;
 use crate::numeric::vector::dot;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 use std::vec::Drain;
 
 /// Number of lobes that are evaluated together.
@@ -63,7 +64,7 @@ impl LobeQueue {
 
 impl Waiting {
     fn flush(&mut self, family: LobeFamily, values: &mut [f32]) {
-        let found = Arch::new().dispatch(Evaluate { family, numbers: &self.numbers });
+        let found = in_vectors(Evaluate { family, numbers: &self.numbers });
         for lane in 0..self.count {
             values[self.values[lane]] = found[lane];
         }

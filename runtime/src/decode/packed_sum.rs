@@ -9,8 +9,9 @@
 use crate::asset::limits::MAX_COMPONENTS;
 use crate::asset::residual::COLOUR_FRAME;
 use crate::decode::texel::Texel;
+use crate::numeric::in_vectors::in_vectors;
 use crate::resident::packed_part::{MAX_WIDTH, packed_bend, packed_signed};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 /// Largest number of pairs: three views times three lights.
 pub(crate) const MAX_PAIRS: usize = 9;
@@ -30,8 +31,8 @@ pub(crate) fn packed_sum(t: &Texel, shares: &[f32], rows: &[usize]) -> [f32; 3] 
     macro_rules! sum {
         ($pairs:expr, $lanes:literal) => {
             match 4 * t.packed().row_words(t.cluster) + READ <= SHORT_ROW {
-                true => Arch::new().dispatch(PackedSum::<{ $pairs }, $lanes, SHORT_ROW> { t, shares, rows }),
-                false => Arch::new().dispatch(PackedSum::<{ $pairs }, $lanes, LONG_ROW> { t, shares, rows }),
+                true => in_vectors(PackedSum::<{ $pairs }, $lanes, SHORT_ROW> { t, shares, rows }),
+                false => in_vectors(PackedSum::<{ $pairs }, $lanes, LONG_ROW> { t, shares, rows }),
             }
         };
     }

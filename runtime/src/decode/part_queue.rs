@@ -3,7 +3,8 @@
 
 use crate::asset::residual::ResidualKind;
 use crate::decode::viewed_texel::Parts;
-use pulp::{Arch, Simd, WithSimd};
+use crate::numeric::in_vectors::in_vectors;
+use pulp::{Simd, WithSimd};
 
 /// Values whose parts wait to be combined.
 #[derive(Default)]
@@ -35,7 +36,7 @@ impl PartQueue {
         // Whole vectors.
         self.lobes.resize(self.lobes.len().next_multiple_of(16), 0.0);
         self.residuals.resize(self.lobes.len(), 0.0);
-        Arch::new().dispatch(Combine { kind, epsilon, sums: &mut self.lobes, residuals: &self.residuals });
+        in_vectors(Combine { kind, epsilon, sums: &mut self.lobes, residuals: &self.residuals });
         for ((index, falls), sums) in self.values.drain(..).zip(self.lobes.as_chunks::<3>().0) {
             values[index] = sums.map(|x| x * falls[0] * falls[1]);
         }

@@ -11,9 +11,10 @@ use crate::asset::relief::Relief;
 use crate::asset::relief::{AZIMUTHS, EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
 use crate::asset::residual::ResidualKind;
 use crate::decode::texel::Texel;
+use crate::numeric::in_vectors::in_vectors;
 use crate::numeric::vector::dot;
 use crate::resident::layout::block;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 /// Half of the width of a shadow's edge, as a tangent of elevation.
 pub const SHADOW_EDGE: f32 = 0.2;
@@ -273,7 +274,7 @@ impl SeenRelief {
             }
         }
         let used = (NUMBERS * points.len()).next_multiple_of(16);
-        Arch::new().dispatch(Encode { values: &mut values[..used], epsilon });
+        in_vectors(Encode { values: &mut values[..used], epsilon });
         let mut terms = [ReliefTerms::default(); MAX_SHADED];
         for (terms, values) in terms[..points.len()].iter_mut().zip(values.chunks_exact(NUMBERS)) {
             for c in 0..3 {

@@ -178,8 +178,9 @@ fn part<T: Copy + Default, const N: usize>(all: &[T], first: usize) -> [T; N] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numeric::in_vectors::in_vectors;
     use crate::numeric::quantize::half_at;
-    use pulp::{Arch, Scalar, WithSimd};
+    use pulp::{Scalar, WithSimd};
 
     struct Convert<'a>(&'a [u32; LANES]);
 
@@ -207,7 +208,7 @@ mod tests {
                 let bits = first + i as u32;
                 bits | bits.reverse_bits() & 0xffff_0000
             });
-            for found in [Arch::new().dispatch(Convert(&words)), Convert(&words).with_simd(Scalar)] {
+            for found in [in_vectors(Convert(&words)), Convert(&words).with_simd(Scalar)] {
                 for (i, word) in words.iter().enumerate() {
                     for half in 0..2 {
                         let (known, found) = (half_at(*word, half), found[half as usize][i]);

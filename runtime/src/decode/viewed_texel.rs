@@ -17,10 +17,11 @@ use crate::decode::parallax::SeenBy;
 use crate::decode::relief::{OwnLight, ReliefTerms, SeenRelief};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, MAX_BLOCKS, fit_blocks, residual_sum};
 use crate::decode::texel::Texel;
+use crate::numeric::in_vectors::in_vectors;
 use crate::resident::layout::block;
 use crate::resident::resident::Resident;
 use crate::resident::single::SingleBases;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 /// Largest value that a tint multiplies, so that a finite value stays finite.
 const MAX_EDITED: f32 = 1e37;
@@ -276,8 +277,8 @@ impl<'a> ViewedTexel<'a> {
         }
         let sum = Residual { viewed: self, lights, of_lights, of_views };
         match fit_blocks(self.t.field(block::CHANNEL_WORDS), FEW_BLOCKS) {
-            true => Arch::new().dispatch(InBlocks::<'_, '_, FEW_BLOCKS>(sum)),
-            false => Arch::new().dispatch(InBlocks::<'_, '_, MAX_BLOCKS>(sum)),
+            true => in_vectors(InBlocks::<'_, '_, FEW_BLOCKS>(sum)),
+            false => in_vectors(InBlocks::<'_, '_, MAX_BLOCKS>(sum)),
         }
     }
 

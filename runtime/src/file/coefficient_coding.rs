@@ -8,8 +8,9 @@
 
 use crate::asset::residual::{Basis, Coefficients, PredictedGroup, Residual};
 use crate::container::entropy::{BinaryCoder, Bit, Encoder, context};
+use crate::numeric::in_vectors::in_vectors;
 use crate::numeric::padded_rows::{LANES, Vector, add_rows, add_scaled, padded, vectors, zeros};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 use std::ops::Range;
 
 /// Ridge that holds the weights to those that they begin with, in squared codes.
@@ -324,7 +325,7 @@ pub(crate) fn code_group(
     (group, first): (&PredictedGroup, usize),
     codes: &mut [i8],
 ) -> bool {
-    Arch::new().dispatch(Coding { coder, choice, frame, group, first, codes })
+    in_vectors(Coding { coder, choice, frame, group, first, codes })
 }
 
 /// The arguments of [`code_group`], for [`pulp`].

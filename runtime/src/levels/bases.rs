@@ -1,7 +1,8 @@
 //! The components of a cluster at the sampled pairs, in the order in which sums over them read memory.
 
 use crate::numeric::algebra::gram_of;
-use pulp::{Arch, Simd, WithSimd};
+use crate::numeric::in_vectors::in_vectors;
+use pulp::{Simd, WithSimd};
 
 /// Number of samples that a sum keeps in registers while it goes over the components.
 const TILE: usize = 64;
@@ -62,7 +63,7 @@ impl Bases {
 
     /// Returns the scalar products of the first `count` components with `samples`.
     pub(super) fn products(&self, count: usize, samples: &[f32]) -> Vec<f32> {
-        Arch::new().dispatch(Products { bases: self, count, samples })
+        in_vectors(Products { bases: self, count, samples })
     }
 
     /// Returns the products of the first `count` components with each other.

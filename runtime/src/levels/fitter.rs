@@ -8,11 +8,12 @@ use crate::asset::lobe_tables::lobe_sum_at_pairs;
 use crate::levels::cluster::{Candidate, Cluster, OwnLobes, bases_at};
 use crate::levels::footprint::spread;
 use crate::numeric::algebra::{descend, gram_of};
+use crate::numeric::in_vectors::in_vectors;
 use crate::numeric::quantize::byte_from_weight;
 use crate::numeric::vector::dot_slices;
 use crate::resident::expansion::Expansion;
 use crate::threads::{Threads, map};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 /// Largest number of measured pairs at which a level is fitted, chosen evenly. They give three numbers each, against at
 /// most 128 unknowns: with half as many pairs leather's levels are 1.2 to 2.1 dB worse, with half as many more 0.5 to
@@ -116,7 +117,7 @@ impl<'a> Fitter<'a> {
 
     /// Encodes linear values in the residual's curve.
     pub(super) fn encoded(&self, values: Vec<f32>) -> Vec<f32> {
-        Arch::new().dispatch(Encoded { layer: self.layer, values })
+        in_vectors(Encoded { layer: self.layer, values })
     }
 
     /// Subtracts the lobes from encoded values.
@@ -154,7 +155,7 @@ impl<'a> Fitter<'a> {
             let codes = residual.coefficients.iter().map(|plane| f32::from(plane.codes[texel]));
             codes.enumerate().filter(|(_, code)| *code != 0.0).collect()
         });
-        Arch::new().dispatch(Decoded { fitter: self, cluster, refs: self.refs(texel), weighted: &weighted })
+        in_vectors(Decoded { fitter: self, cluster, refs: self.refs(texel), weighted: &weighted })
     }
 
     /// Returns the weights of a cluster's lobes that approximate the values best, RGB.

@@ -1,7 +1,8 @@
 //! Small dense linear algebra for the levels of an asset. Matrices are square and row-major.
 
+use crate::numeric::in_vectors::in_vectors;
 use crate::numeric::vector::dot_slices;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 /// Number of orthogonal iterations that find principal directions.
 const ITERATIONS: usize = 12;
@@ -37,7 +38,7 @@ pub(crate) fn descend(
 
 /// Returns the products of the rows with each other: `[i, j]`.
 pub(crate) fn gram_of(rows: &[Vec<f32>]) -> Vec<f32> {
-    Arch::new().dispatch(Gram(rows))
+    in_vectors(Gram(rows))
 }
 
 /// The argument of [`gram_of`], for [`pulp`].

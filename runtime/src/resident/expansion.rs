@@ -8,7 +8,8 @@
 
 use crate::asset::asset::Layer;
 use crate::asset::residual::{COLOUR_FRAME, Residual};
-use pulp::{Arch, Simd, WithSimd};
+use crate::numeric::in_vectors::in_vectors;
+use pulp::{Simd, WithSimd};
 
 /// Unit of the length of rows: a multiple of this fills SIMD vectors of every width.
 pub(crate) const LANES: usize = 16;
@@ -100,7 +101,7 @@ impl<'a> Expansion<'a> {
     /// Cost: for B bases, V views, L lights, ranks rv and rl and E entries of the shared cores that are not 0, `B (E +
     /// V rl (rv + L))` multiply-adds a channel.
     pub(crate) fn rows(&self, cluster: usize, take: impl FnMut(usize, &[f32])) {
-        Arch::new().dispatch(Rows { expansion: self, cluster, take });
+        in_vectors(Rows { expansion: self, cluster, take });
     }
 
     /// Expands the bases of one cluster into the colour frame: `take(pair, values)` gets `[channel, basis]`, bases padded.
