@@ -35,8 +35,8 @@ impl ResidualKind {
     pub fn encode(self, x: f32, epsilon: f32) -> f32 {
         match self {
             ResidualKind::Additive => x,
-            ResidualKind::Log => (x.max(0.0) + epsilon).ln(),
-            ResidualKind::Root => root(x.max(0.0) + epsilon),
+            ResidualKind::Log => (positive(x) + epsilon).ln(),
+            ResidualKind::Root => root(positive(x) + epsilon),
         }
     }
 
@@ -53,7 +53,7 @@ impl ResidualKind {
     /// Combines the lobe sum `s` and the residual `r` of one channel: `max(0, g^-1(g(s) + r))`.
     #[inline(always)]
     pub fn combine(self, s: f32, r: f32, epsilon: f32) -> f32 {
-        self.decode(self.encode(s, epsilon) + r, epsilon).max(0.0)
+        positive(self.decode(self.encode(s, epsilon) + r, epsilon))
     }
 
     /// Combines three channels like [`ResidualKind::combine`], with the same bits; the root curve uses SIMD.
@@ -96,11 +96,18 @@ impl ResidualKind {
     #[inline(always)]
     pub fn decode_slice(self, values: &mut [f32], epsilon: f32) {
         match self {
-            ResidualKind::Additive => values.iter_mut().for_each(|y| *y = y.max(0.0)),
-            ResidualKind::Log => values.iter_mut().for_each(|y| *y = ResidualKind::Log.decode(*y, epsilon).max(0.0)),
-            ResidualKind::Root => values.iter_mut().for_each(|y| *y = ResidualKind::Root.decode(*y, epsilon).max(0.0)),
+            ResidualKind::Additive => values.iter_mut().for_each(|y| *y = positive(*y)),
+            ResidualKind::Log => values.iter_mut().for_each(|y| *y = positive(ResidualKind::Log.decode(*y, epsilon))),
+            ResidualKind::Root => values.iter_mut().for_each(|y| *y = positive(ResidualKind::Root.decode(*y, epsilon))),
         }
     }
+}
+
+/// Returns `x` where it is above 0, and 0 elsewhere, for NaN, too. A comparison is one instruction everywhere; WebAssembly has no
+/// other [`f32::max`] than a call.
+#[inline(always)]
+fn positive(x: f32) -> f32 {
+    if x > 0.0 { x } else { 0.0 }
 }
 
 /// Rows of the bases' colour frame, orthonormal: grey, red-blue, green-magenta.
@@ -337,7 +344,7 @@ mod tests {
             kind.decode_slice(&mut decoded, 0.01);
             for (i, x) in values.iter().enumerate() {
                 assert_eq!(encoded[i].to_bits(), kind.encode(*x, 0.01).to_bits(), "{kind:?} {x}");
-                assert_eq!(decoded[i].to_bits(), kind.decode(*x, 0.01).max(0.0).to_bits(), "{kind:?} {x}");
+                assert_eq!(decoded[i].to_bits(), positive(kind.decode(*x, 0.01)).to_bits(), "{kind:?} {x}");
             }
             // Planted difference: another epsilon.
             let mut other = values.clone();

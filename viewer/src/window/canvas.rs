@@ -53,7 +53,10 @@ impl Canvas {
         config.present_mode = wgpu::PresentMode::AutoVsync;
         surface.configure(&gpu.device, &config);
         let painter = egui_wgpu::Renderer::new(&gpu.device, format, Default::default());
-        Ok(Canvas { gpu, context: egui::Context::default(), surface, config, painter, host })
+        let context = egui::Context::default();
+        // A click is told by its way alone: where frames are slow, its two ends come long after each other.
+        context.options_mut(|options| options.input_options.max_click_duration = f64::INFINITY);
+        Ok(Canvas { gpu, context, surface, config, painter, host })
     }
 
     /// Returns the format of the pixels.
