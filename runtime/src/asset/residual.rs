@@ -3,7 +3,7 @@
 //! 1966]. Twin: `asset/residual.wgsl`.
 
 use crate::asset::limits::MAX_INPUTS;
-use crate::numeric::power::{from_root, root};
+use crate::numeric::power::{from_root, positive, root};
 use half::f16;
 
 /// The curve `g` in which the residual is added to the lobes: `X = g^-1(g(S) + R)`.
@@ -101,13 +101,6 @@ impl ResidualKind {
             ResidualKind::Root => values.iter_mut().for_each(|y| *y = positive(ResidualKind::Root.decode(*y, epsilon))),
         }
     }
-}
-
-/// Returns `x` where it is above 0, and 0 elsewhere, for NaN, too. A comparison is one instruction everywhere; WebAssembly has no
-/// other [`f32::max`] than a call.
-#[inline(always)]
-fn positive(x: f32) -> f32 {
-    if x > 0.0 { x } else { 0.0 }
 }
 
 /// Rows of the bases' colour frame, orthonormal: grey, red-blue, green-magenta.
@@ -344,7 +337,7 @@ mod tests {
             kind.decode_slice(&mut decoded, 0.01);
             for (i, x) in values.iter().enumerate() {
                 assert_eq!(encoded[i].to_bits(), kind.encode(*x, 0.01).to_bits(), "{kind:?} {x}");
-                assert_eq!(decoded[i].to_bits(), positive(kind.decode(*x, 0.01)).to_bits(), "{kind:?} {x}");
+                assert_eq!(decoded[i].to_bits(), kind.decode(*x, 0.01).max(0.0).to_bits(), "{kind:?} {x}");
             }
             // Planted difference: another epsilon.
             let mut other = values.clone();

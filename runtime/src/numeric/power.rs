@@ -95,14 +95,19 @@ pub(crate) fn log2(x: f32) -> f32 {
 /// Returns `e` and `log2 m` of `x = 2^e m`.
 #[inline(always)]
 fn exponent_and_log2_mantissa(x: f32) -> (f32, f32) {
-    // As a comparison, which is one instruction: NaN becomes 0.
-    let x = if x > 0.0 { x } else { 0.0 };
-    let bits = x.to_bits();
+    let bits = positive(x).to_bits();
     let e = bits.wrapping_sub(MIN_MANTISSA) as i32 >> 23;
     let m = f32::from_bits(bits.wrapping_sub((e << 23) as u32));
     let s = (m - 1.0) / (m + 1.0);
     let t = s * s;
     (e as f32, s * (LOG[0] + t * (LOG[1] + t * (LOG[2] + t * LOG[3]))))
+}
+
+/// Returns `x` where it is above 0, and 0 elsewhere, for NaN, too. A comparison is one instruction everywhere; [`f32::max`] is a
+/// call in WebAssembly.
+#[inline(always)]
+pub(crate) fn positive(x: f32) -> f32 {
+    if x > 0.0 { x } else { 0.0 }
 }
 
 /// Returns the nearest integer to a number below 2^22.

@@ -1,7 +1,7 @@
 // The worker that loads assets: it asks the server for a beginning that can be shown, then for the rest, and makes the form
 // that the viewer draws from, so that neither page nor viewer waits.
 
-import init, { expand, tierLengths } from './btf_viewer.js';
+import init, { Loaded, tierLengths } from './btf_viewer.js';
 
 // Bytes that hold the tables of any asset of usual size.
 const TABLES_BYTES = 16 << 10;
@@ -123,23 +123,30 @@ async function load({ id, url, name }) {
   }
   for (const length of chosenTiers(lengths)) {
     const bytes = await download.until(length);
-    const isWhole = length === download.bytes.length;
-    // The coarser levels take longer than all else: it is seen before.
-    if (!isWhole || length > AT_ONCE_BYTES) {
-      give(id, name, bytes, false);
-    }
-    if (isWhole) {
-      give(id, name, bytes, true);
-    }
+    give(id, name, bytes, { isWhole: length === download.bytes.length, isEarly: length > AT_ONCE_BYTES });
   }
 }
 
-// Gives the page the form that the viewer draws from: in the end with all levels.
-function give(id, name, bytes, isWhole) {
-  const original = isWhole ? bytes.slice() : undefined;
-  const expanded = expand(bytes, isWhole);
-  const parts = original ? [expanded.buffer, original.buffer] : [expanded.buffer];
-  postMessage({ kind: 'asset', id, name, expanded, original, isWhole, bytes: bytes.length }, parts);
+// Gives the page the form that the viewer draws from: in the end with all levels, which take longer than all else, and early
+// without.
+function give(id, name, bytes, { isWhole, isEarly }) {
+  const asset = Loaded.read(bytes);
+  const post = (isWhole) => {
+    const [expanded, original] = [asset.expanded(), isWhole ? bytes.slice() : undefined];
+    const parts = original ? [expanded.buffer, original.buffer] : [expanded.buffer];
+    postMessage({ kind: 'asset', id, name, expanded, original, isWhole, bytes: bytes.length }, parts);
+  };
+  try {
+    if (isWhole && asset.lacksLevels) {
+      if (isEarly) {
+        post(false);
+      }
+      asset.addLevels();
+    }
+    post(isWhole);
+  } finally {
+    asset.free();
+  }
 }
 
 onmessage = async ({ data }) => {
@@ -153,7 +160,7 @@ onmessage = async ({ data }) => {
     if (kind === 'load') {
       await load(data);
     } else {
-      give(id, data.name, new Uint8Array(data.bytes), true);
+      give(id, data.name, new Uint8Array(data.bytes), { isWhole: true });
     }
   } catch (error) {
     postMessage({ kind: 'failed', id, name: data.name, message: error.message });

@@ -1,7 +1,7 @@
 //! Files that the page hands over and takes, and the work on them that another worker does.
 
 use btf_capture::files;
-use btf_runtime::{Levels, ResidentFile, serial};
+use btf_runtime::{Asset, ResidentFile, serial, with_levels};
 use js_sys::{Array, Uint8Array};
 use std::sync::Arc;
 use wasm_bindgen::prelude::*;
@@ -21,20 +21,52 @@ pub fn take_written() -> Array {
     files::take_written().into_iter().map(pair).collect()
 }
 
-/// Expands an asset, or the beginning of one that ends with a tier, to the form that decoders read; one that has this form stays
-/// as it is. `has_levels` tells whether coarser levels are made for distant surfaces, which takes longer than all else. Cost:
-/// seconds for an asset of 2 MB.
-///
-/// # Errors
-/// What is wrong with the bytes.
+/// An asset that was loaded, or the beginning of one that ends with a tier.
 #[wasm_bindgen]
-pub fn expand(bytes: Vec<u8>, has_levels: bool) -> Result<Vec<u8>, JsError> {
-    if ResidentFile::is_one(&bytes) {
-        return Ok(bytes);
+pub struct Loaded(Form);
+
+enum Form {
+    File(Asset),
+    Resident(Vec<u8>),
+}
+
+#[wasm_bindgen]
+impl Loaded {
+    /// Checks and reads the bytes. Cost: a second for 2 MB.
+    ///
+    /// # Errors
+    /// What is wrong with the bytes.
+    pub fn read(bytes: Vec<u8>) -> Result<Loaded, JsError> {
+        Ok(Loaded(match ResidentFile::is_one(&bytes) {
+            true => Form::Resident(bytes),
+            false => Form::File(Asset::parse(&bytes)?),
+        }))
     }
-    let levels = if has_levels { Levels::All } else { Levels::AtHand };
-    let file = btf_runtime::open(Arc::new(bytes), levels, &serial)?;
-    Ok(file.pack()?)
+
+    /// Tells whether the coarser levels for distant surfaces are still to be made.
+    #[wasm_bindgen(getter, js_name = lacksLevels)]
+    pub fn lacks_levels(&self) -> bool {
+        matches!(&self.0, Form::File(asset) if asset.levels.is_empty())
+    }
+
+    /// Makes the coarser levels where they are lacking. Cost: more than all else, many seconds for 2 MB.
+    #[wasm_bindgen(js_name = addLevels)]
+    pub fn add_levels(&mut self) {
+        if let Form::File(asset) = &mut self.0 {
+            *asset = with_levels(asset, &serial);
+        }
+    }
+
+    /// Returns the form that decoders read. Cost: a second for 2 MB.
+    ///
+    /// # Errors
+    /// An asset of more than 4 GiB in this form.
+    pub fn expanded(&self) -> Result<Vec<u8>, JsError> {
+        match &self.0 {
+            Form::File(asset) => Ok(ResidentFile::of_asset(asset.clone(), &serial).pack()?),
+            Form::Resident(bytes) => Ok(bytes.clone()),
+        }
+    }
 }
 
 /// Returns the lengths in bytes of an asset's beginnings that can be shown, the whole file's last.

@@ -1,5 +1,6 @@
 // Measures the page beside btf-view on the same adapter, SwiftShader: how soon an asset is seen after a click and after the page
-// is opened, how long the page's main thread is kept, and a frame's time. Prints JSON; every time in seconds.
+// is opened, how long the page's main thread is kept, a frame's time, and how long the program takes for the
+// asset by itself. Prints JSON; times are in seconds where their names have no unit.
 //
 //   BTF_WEB_PAGE=... BTF_VIEW=... BTF_WEB_BROWSER=... BTF_WEB_PLAYWRIGHT=... BTF_WEB_PICTURES=... \
 //     node viewer/web/tests/bench.mjs ASSET.spmm [/usr/lib/chromium/vk_swiftshader_icd.json]
@@ -7,6 +8,7 @@
 import { execFile } from 'node:child_process';
 import { readFile } from 'node:fs/promises';
 import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
 import { promisify } from 'node:util';
 import { Site, beginTrace, drawn, endOfTrace, launch, open, pictures } from './site.mjs';
 
@@ -51,7 +53,6 @@ function watch(page) {
       } else if (begun && samples > 1) {
         last.fine ??= begun;
       }
-      seen.isDone = last?.isWhole && last.fine;
       before = samples;
     });
   });
@@ -59,15 +60,21 @@ function watch(page) {
 
 // Waits until all of the asset is seen, and returns when what was.
 async function waited(browser, page) {
-  await page.waitForFunction(() => window.seen.isDone, undefined, { timeout: 400_000 });
-  await page.evaluate(() => performance.mark('btf-page'));
-  return { ...await page.evaluate(() => window.seen), longest_task_ms: await endOfTrace(browser) };
+  await page.waitForFunction(() => {
+    const last = window.seen.pictures.at(-1);
+    return last?.isWhole && last.fine;
+  }, undefined, { timeout: 400_000 });
+  return { ...await page.evaluate(() => window.seen), longest_task_ms: await endOfTrace(browser, page) };
+}
+
+function openBench(browser, site) {
+  return open(browser, `${site.url}bench.html`, { viewport: { width: SIZE, height: SIZE } });
 }
 
 // From the page's opening, program and shaders included.
 async function opened(browser, site) {
   await beginTrace(browser);
-  const page = await open(browser, `${site.url}bench.html`, { viewport: { width: SIZE, height: SIZE } });
+  const page = await openBench(browser, site);
   await page.evaluate(() => {
     window.start = 0;
     document.querySelector('btf-view').setAttribute('src', '/asset.spmm');
@@ -80,7 +87,7 @@ async function opened(browser, site) {
 
 // From a click while another material is seen, and a frame's time.
 async function clicked(browser, site) {
-  const page = await open(browser, `${site.url}bench.html`, { viewport: { width: SIZE, height: SIZE } });
+  const page = await openBench(browser, site);
   await page.evaluate(() => document.querySelector('btf-view').setAttribute('src', 'gallery/leather.spmm'));
   await page.waitForFunction(() => window.told.loaded.some(({ isWhole }) => isWhole), undefined, { timeout: 240_000 });
   await drawn(page, 2);
@@ -106,14 +113,36 @@ async function clicked(browser, site) {
   return { ...seen, frame: (times[2] - times[1]) / FRAMES };
 }
 
+// The work of the page's loader, while nothing else is at work.
+async function ofLoader() {
+  const folder = process.env.BTF_WEB_PAGE;
+  const program = await import(pathToFileURL(join(folder, 'btf_viewer.js')));
+  await program.default({ module_or_path: await readFile(join(folder, 'btf_viewer_bg.wasm')) });
+  const times = [];
+  const timed = (work) => {
+    const start = performance.now();
+    const result = work();
+    times.push((performance.now() - start) / 1000);
+    return result;
+  };
+  const bytes = await readFile(asset);
+  const loaded = timed(() => program.Loaded.read(bytes));
+  timed(() => loaded.expanded());
+  timed(() => loaded.addLevels());
+  timed(() => loaded.expanded());
+  const [read, expanded, levels, expanded_with_levels] = times;
+  return { read, expanded, levels, expanded_with_levels };
+}
+
 const site = await new Site().start();
 site.files.set('/asset.spmm', await readFile(asset));
 site.files.set('/bench.html', Buffer.from(PAGE));
 const one = await ofProgram(1);
 const program = { first: one, frame: (await ofProgram(1 + FRAMES) - one) / FRAMES };
+const loader = await ofLoader();
 const browser = await launch();
 const page = { opened: await opened(browser, site), clicked: await clicked(browser, site) };
 await browser.close();
 site.stop();
 const frame_ratio = page.clicked.frame / program.frame;
-console.log(JSON.stringify({ size: SIZE, program, page, frame_ratio }, undefined, 1));
+console.log(JSON.stringify({ size: SIZE, program, loader, page, frame_ratio }, undefined, 1));

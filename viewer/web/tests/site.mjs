@@ -123,9 +123,10 @@ export async function beginTrace(browser) {
   await browser.startTracing(tracing, { categories: ['toplevel', 'blink.user_timing', '__metadata'] });
 }
 
-/** Returns the processor time in milliseconds of the longest task of the main thread that has set the mark `btf-page`. (Not its
- * time: the software GPU has other threads wait.) */
-export async function endOfTrace(browser) {
+/** Returns the processor time in milliseconds of the longest task of the page's main thread. (Not its time: the software GPU has
+ * other threads wait.) */
+export async function endOfTrace(browser, page) {
+  await page.evaluate(() => performance.mark('btf-page'));
   const { traceEvents } = JSON.parse((await browser.stopTracing()).toString());
   await tracing.close();
   const own = traceEvents.find(({ name }) => name === 'btf-page');
