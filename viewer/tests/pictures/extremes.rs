@@ -1,7 +1,7 @@
 //! Pictures at the edge of what numbers and buffers hold: no pixel that is not a number, no crash, a clear message
 //! where a limit is reached. On the CPU and, where there is an adapter (see `gpu.rs`), on both tracers.
 
-use crate::support::{backends, gpu_is_left_out};
+use crate::support::{backends, gpu_is_left_out, tracers};
 use btf_runtime::testing::{sample_asset, sample_heights};
 use btf_runtime::{Edit, Edits, Interpolation, ResidualKind};
 use btf_viewer::{
@@ -176,7 +176,7 @@ fn pictures_of_one_pixel_and_in_bands() {
         tracer.sample(&request, None)?;
         Ok::<_, btf_viewer::ViewerError>((tracer.read_radiance()?, tracer.read_hits()?))
     };
-    for kind in [GpuTracer::RayQuery, GpuTracer::Bvh] {
+    for kind in tracers("pictures in bands") {
         // Bands of 46 rows; vertices, triangles and nodes lie in pieces, too.
         let (whole, cut) = (picture(kind, None).unwrap(), picture(kind, Some(300_000)).unwrap());
         assert_eq!(whole.0.len(), 100 * 80);

@@ -1,7 +1,7 @@
 //! What the GPU draws is what the CPU reference draws. A missing adapter is a failure, unless `BTF_SKIP_GPU=1` is set;
 //! then each test prints one line `skipped: ...` and passes.
 
-use crate::support::{ABSOLUTE, RELATIVE, count_differences, difference, gpu};
+use crate::support::{ABSOLUTE, RELATIVE, backends, count_differences, difference, gpu, tracers};
 use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_relief_asset};
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, HeightUse, Heights, Interpolation, LobeRole, PackedGoal, Resident, ResidualKind,
@@ -13,9 +13,6 @@ use btf_viewer::{
     RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, Tracer, render,
 };
 use std::sync::Arc;
-
-/// Both tracers; the driver of the tests has ray queries.
-const TRACERS: [GpuTracer; 2] = [GpuTracer::RayQuery, GpuTracer::Bvh];
 
 fn asset(seed: u64, kind: ResidualKind) -> Asset {
     // Through the file form, as a user's asset goes.
@@ -62,7 +59,7 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
                 queries.iter().map(|q| decode(resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
             };
             let expected = cpu(&resident, &options);
-            for tracer in TRACERS {
+            for tracer in tracers("gpu_decodes_100_000_samples_like_the_cpu") {
                 let found = gpu_decode(&gpu, tracer, &resident, &options, &queries).unwrap();
                 let worst = expected.iter().zip(&found).map(|(a, b)| difference(a, b)).fold(0.0, f32::max);
                 println!("{kind:?} {role:?} {interpolation:?} {}: worst {worst:.4} of the tolerance", tracer.name());
@@ -92,7 +89,7 @@ fn gpu_decodes_relief_like_the_cpu() {
     let cpu = |options: &DecodeOptions| -> Vec<[f32; 3]> {
         queries.iter().map(|q| decode(&resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
     };
-    for tracer in TRACERS {
+    for tracer in tracers("gpu_decodes_relief_like_the_cpu") {
         let found = gpu_decode(&gpu, tracer, &resident, &options, &queries).unwrap();
         // A ray that grazes an edge of the heights may hit it on one machine and miss it on another.
         let differences = count_differences(&cpu(&options), &found);
@@ -171,8 +168,8 @@ fn primitive_differences(scene: &Scene, a: &Rendered, b: &Rendered) -> (usize, u
     differences
 }
 
-/// Share of pixels that may lie on an edge within rounding.
-const EDGE_SHARE: usize = 500;
+/// Share of pixels that may lie on an edge within rounding; of 19,200 an H200 had 45 in the Cornell box, lavapipe has none.
+const EDGE_SHARE: usize = 300;
 
 #[test]
 fn ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel() {
@@ -180,11 +177,14 @@ fn ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel() {
     for mesh in [MeshChoice::Sphere, MeshChoice::Plane, MeshChoice::Cornell] {
         let scene = scene(mesh.clone());
         let cpu = draw(&scene, BackendChoice::Cpu, 1);
-        let [query, bvh] = TRACERS.map(|tracer| draw(&scene, BackendChoice::Gpu(tracer), 1));
-        assert!(cpu.hits.iter().any(|hit| hit.primitive != NO_HIT));
-        for (name, a, b) in
-            [("ray query, bvh", &query, &bvh), ("ray query, cpu", &query, &cpu), ("bvh, cpu", &bvh, &cpu)]
-        {
+        let traced = tracers("ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel")
+            .into_iter()
+            .map(|tracer| (tracer.name(), draw(&scene, BackendChoice::Gpu(tracer), 1)));
+        let drawn: Vec<_> = traced.chain([("cpu", cpu)]).collect();
+        assert!(drawn[0].1.hits.iter().any(|hit| hit.primitive != NO_HIT));
+        let pairs = (0..drawn.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+        for ((a_name, a), (b_name, b)) in pairs.map(|(i, j)| (&drawn[i], &drawn[j])) {
+            let name = format!("{b_name}, {a_name}");
             let (edges, faults) = primitive_differences(&scene, a, b);
             println!("{mesh:?}, {name}: {edges} edge pixels differ, {faults} pixels elsewhere");
             assert!(edges <= a.hits.len() / EDGE_SHARE && faults == 0, "{mesh:?}, {name}");
@@ -193,8 +193,8 @@ fn ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel() {
         let mut moved = scene.clone();
         moved.camera.pan(0.5 / 120.0, 0.0);
         let (edges, faults) =
-            primitive_differences(&scene, &query, &draw(&moved, BackendChoice::Gpu(GpuTracer::Bvh), 1));
-        assert!(edges > query.hits.len() / EDGE_SHARE || faults > 0, "{mesh:?}");
+            primitive_differences(&scene, &drawn[0].1, &draw(&moved, BackendChoice::Gpu(GpuTracer::Bvh), 1));
+        assert!(edges > drawn[0].1.hits.len() / EDGE_SHARE || faults > 0, "{mesh:?}");
     }
 }
 
@@ -211,7 +211,7 @@ fn gpu_pictures_equal_the_cpu_picture() {
         let cpu = draw(&scene, BackendChoice::Cpu, 2);
         assert!(cpu.report.spmm_evaluations > 0 && cpu.report.rays > 0);
         let allowed = cpu.hits.len() / 200;
-        for tracer in TRACERS {
+        for tracer in tracers("gpu_pictures_equal_the_cpu_picture") {
             let found = draw(&scene, BackendChoice::Gpu(tracer), 2);
             let differences = picture_differences(&cpu, &found);
             println!("{mesh:?}, {}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
@@ -237,7 +237,7 @@ fn mirrors_and_ambient_occlusion_are_the_cpu_pictures() {
     let cpu = draw(&scene, BackendChoice::Cpu, 3);
     // Occlusion rays near an edge go either way, and a mirror doubles what the eye sees.
     let allowed = cpu.hits.len() / 100;
-    for tracer in TRACERS {
+    for tracer in tracers("mirrors_and_ambient_occlusion_are_the_cpu_pictures") {
         let found = draw(&scene, BackendChoice::Gpu(tracer), 3);
         let differences = picture_differences(&cpu, &found);
         println!("{}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
@@ -270,7 +270,7 @@ fn traced_paths_are_the_cpus() {
     let cpu = path(BackendChoice::Cpu, 4);
     // A path of several rays goes the other way at an edge or a choice that rounding moves, and all after it differs.
     let allowed = cpu.hits.len() / 100;
-    for tracer in TRACERS {
+    for tracer in tracers("traced_paths_are_the_cpus") {
         let found = path(BackendChoice::Gpu(tracer), 4);
         let differences = picture_differences(&cpu, &found);
         println!("{}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
@@ -297,7 +297,7 @@ fn a_surrounding_picture_lights_as_on_the_cpu() {
         };
         let cpu = picture(&scene, BackendChoice::Cpu);
         let allowed = cpu.hits.len() / 100;
-        for tracer in TRACERS {
+        for tracer in tracers("a_surrounding_picture_lights_as_on_the_cpu") {
             let differences = picture_differences(&cpu, &picture(&scene, BackendChoice::Gpu(tracer)));
             println!("{mode:?}, {}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
             assert!(differences <= allowed, "{mode:?} {}: {differences}", tracer.name());
@@ -325,7 +325,7 @@ fn progressive_occlusion_converges_to_the_share_of_the_sky() {
     scene.lights.clear();
     scene.ambient = btf_viewer::Ambient { radiance: [0.5; 3], distance: 0.5 / 0.3f32.sqrt() };
     let expected = 0.8 * 0.5 * 0.3;
-    for backend in [BackendChoice::Cpu, BackendChoice::Gpu(GpuTracer::Bvh), BackendChoice::Gpu(GpuTracer::RayQuery)] {
+    for backend in backends("progressive_occlusion_converges_to_the_share_of_the_sky") {
         let error = |frames| {
             let rendered = draw(&scene, backend, frames);
             let sum: f64 = rendered.picture.radiance.iter().map(|c| (f64::from(c[1]) - expected).powi(2)).sum();
@@ -368,7 +368,7 @@ fn two_assets_share_one_arena() {
     let swapped = Scene { assets: both.assets.iter().rev().cloned().collect(), ..both.clone() };
     let allowed = cpu.hits.len() / 200;
     assert!(picture_differences(&cpu, &draw(&swapped, BackendChoice::Cpu, 1)) > allowed);
-    for tracer in TRACERS {
+    for tracer in tracers("two_assets_share_one_arena") {
         assert!(picture_differences(&cpu, &draw(&both, BackendChoice::Gpu(tracer), 1)) <= allowed);
     }
 }
@@ -391,7 +391,7 @@ fn displaced_surfaces_are_the_cpus() {
     };
     let cpu = draw(&with(2.0), BackendChoice::Cpu, 2);
     let allowed = cpu.hits.len() / 100;
-    for tracer in TRACERS {
+    for tracer in tracers("displaced_surfaces_are_the_cpus") {
         let differences = picture_differences(&cpu, &draw(&with(2.0), BackendChoice::Gpu(tracer), 2));
         println!("{}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
         assert!(differences <= allowed, "{}: {differences}", tracer.name());

@@ -1,5 +1,5 @@
 //! What the test files share: which backends are tested, and that a missing adapter is a failure unless
-//! `BTF_SKIP_GPU=1` leaves the GPU out, visibly.
+//! `BTF_SKIP_GPU=1` leaves the GPU out, visibly. `BTF_SKIP_RAY_QUERY=1` leaves ray queries out, for adapters without them.
 
 #![allow(dead_code, unused_imports, reason = "each test file takes what it needs of this one")]
 
@@ -10,11 +10,23 @@ use std::io::Write;
 /// Whether GPU tests are left out on purpose; says of `what` that it is, and `cargo xtask test` counts the lines of its
 /// log as skipped tests.
 pub fn gpu_is_left_out(what: &str) -> bool {
-    let left_out = std::env::var_os("BTF_SKIP_GPU").is_some_and(|value| value == "1");
+    is_left_out(what, "BTF_SKIP_GPU")
+}
+
+fn is_left_out(what: &str, switch: &str) -> bool {
+    let left_out = std::env::var_os(switch).is_some_and(|value| value == "1");
     if left_out {
-        skip(&format!("{what} (BTF_SKIP_GPU=1)"));
+        skip(&format!("{what} ({switch}=1)"));
     }
     left_out
+}
+
+/// The tracers that test `test` draws with: both, or the compute hierarchy alone.
+pub fn tracers(test: &str) -> Vec<GpuTracer> {
+    if is_left_out(&format!("{test} by ray queries"), "BTF_SKIP_RAY_QUERY") {
+        return vec![GpuTracer::Bvh];
+    }
+    vec![GpuTracer::RayQuery, GpuTracer::Bvh]
 }
 
 /// Says visibly that a test was skipped: on stdout and in the file that `BTF_SKIP_LOG` names, whose lines `cargo xtask test`
@@ -32,7 +44,7 @@ pub fn backends(test: &str) -> Vec<BackendChoice> {
     if gpu_is_left_out(&format!("{test} on the GPU")) {
         return vec![BackendChoice::Cpu];
     }
-    vec![BackendChoice::Cpu, BackendChoice::Gpu(GpuTracer::RayQuery), BackendChoice::Gpu(GpuTracer::Bvh)]
+    [BackendChoice::Cpu].into_iter().chain(tracers(test).into_iter().map(BackendChoice::Gpu)).collect()
 }
 
 /// The adapter, or `None` where GPU tests are skipped on purpose.
