@@ -97,7 +97,7 @@ pub use resident::resident::{Resident, ResidentBytes};
 pub use resident::single::SingleBases;
 pub use rule::{Rule, Severity};
 pub use threads::{Threads, serial};
-pub use wgsl::{LEAF_WGSL, VOLTEX_WGSL, WGSL, leaf_wgsl, voltex_wgsl, wgsl_library};
+pub use wgsl::{LEAF_WGSL, VOLTEX_WGSL, WGSL, leaf_wgsl, voltex_wgsl, wgsl_library, wgsl_library_of_quads};
 
 // Words are moved between bytes and `u32` as they lie in memory.
 const _: () = assert!(cfg!(target_endian = "little"), "btf-runtime supports little-endian targets");

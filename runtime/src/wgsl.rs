@@ -1,5 +1,9 @@
 //! The WGSL of the decoders as text. An includer joins the files in this order with its own.
 
+/// The file of [`WGSL`] that an includer leaves out which defines `fn asset_quad(index: u32) -> vec4<u32>` itself: the words from
+/// number `4 * index` on.
+const ASSET_QUAD: &str = "asset_quad.wgsl";
+
 /// The decoder's library in WGSL: `(file name, text)`. The library has no bindings; its includer defines `fn
 /// asset_word(index: u32) -> u32`.
 ///
@@ -11,6 +15,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("lobe.wgsl", include_str!("asset/lobe.wgsl")),
     ("residual.wgsl", include_str!("asset/residual.wgsl")),
     ("layout.wgsl", include_str!("resident/layout.wgsl")),
+    (ASSET_QUAD, include_str!("resident/asset_quad.wgsl")),
     ("height_field.wgsl", include_str!("asset/height_field.wgsl")),
     ("parallax.wgsl", include_str!("decode/parallax.wgsl")),
     ("packed_part.wgsl", include_str!("resident/packed_part.wgsl")),
@@ -27,6 +32,13 @@ pub const WGSL: &[(&str, &str)] = &[
 /// Returns the files of [`WGSL`], joined.
 pub fn wgsl_library() -> String {
     WGSL.iter().map(|(_, text)| *text).collect::<Vec<_>>().join("\n")
+}
+
+/// Returns the files of [`WGSL`], joined, for an includer that defines `fn asset_quad(index: u32) -> vec4<u32>` besides
+/// `asset_word`: the words from number `4 * index` on, in one read of an array of `vec4<u32>`.
+pub fn wgsl_library_of_quads() -> String {
+    let texts = WGSL.iter().filter(|(name, _)| *name != ASSET_QUAD).map(|(_, text)| *text);
+    texts.collect::<Vec<_>>().join("\n")
 }
 
 /// The functions of leaves whose optics are evaluated live: `(file name, text)`. They follow [`WGSL`], of which they

@@ -191,7 +191,14 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
             include_str!("../src/decode/residual_sum.rs"),
             "residual_sum.wgsl",
             "",
-            &["residual_weights", "residual_of_row"],
+            &[
+                "residual_of_view",
+                "residual_of_quads",
+                "residual_of_eight",
+                "residual_sum_by_words",
+                "residual_weights",
+                "residual_of_row",
+            ],
         ),
         (
             include_str!("../src/decode/relief.rs"),

@@ -41,8 +41,20 @@ pub const MAX_HEIGHT_STEP: f32 = 16.0;
 /// Allowed epsilon of a residual's curve.
 pub const EPSILON_RANGE: std::ops::RangeInclusive<f32> = 1e-6..=1.0;
 
-/// Returns the number of words of a layer's expanded bases: halves `[cluster, view, light, channel, basis]`, bases
-/// padded to an even count. `shape` is the number of views and of lights.
+/// Returns the number of words of a layer's expanded bases: halves `[cluster, view, light, channel, basis]`, bases padded to
+/// [`channel_words`]. `shape` is the number of views and of lights.
 pub fn basis_words(shape: [usize; 2], clusters: usize, bases: usize) -> u64 {
-    [shape[0], shape[1], 3, clusters, bases.div_ceil(2)].iter().map(|n| *n as u64).product()
+    [shape[0], shape[1], 3, clusters, channel_words(bases)].iter().map(|n| *n as u64).product()
+}
+
+/// Largest number of words of a pair's bases of one channel: those of [`MAX_COMPONENTS`] and the mean.
+pub(crate) const MAX_CHANNEL_WORDS: usize = (1 + MAX_COMPONENTS).div_ceil(2);
+
+/// Returns the number of words of a pair's bases of one channel, two bases a word: a multiple of four, because GPUs read four
+/// words as fast as one, unless that takes more than an eighth more memory.
+pub(crate) fn channel_words(bases: usize) -> usize {
+    let least = bases.div_ceil(2);
+    let padded = least.next_multiple_of(4);
+    let most = (least + least / 8).min(MAX_CHANNEL_WORDS);
+    if padded <= most { padded } else { least }
 }

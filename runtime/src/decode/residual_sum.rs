@@ -5,7 +5,7 @@
 //! channels, and the sums of its lanes are sorted into channels at the end: the order of all sums is the same on every
 //! processor.
 
-use crate::asset::limits::MAX_COMPONENTS;
+use crate::asset::limits::MAX_CHANNEL_WORDS;
 use crate::decode::texel::Texel;
 use crate::numeric::quantize::coefficient_from_byte;
 use crate::resident::layout::block;
@@ -17,8 +17,6 @@ pub(crate) const LANES: usize = 16;
 pub(crate) const MAX_BLOCKS: usize = (3 * MAX_CHANNEL_WORDS).div_ceil(LANES) + 1;
 /// Number of blocks that the bases of eight components fill, and some more words.
 pub(crate) const FEW_BLOCKS: usize = 2;
-/// Largest number of words of a channel.
-const MAX_CHANNEL_WORDS: usize = (1 + MAX_COMPONENTS).div_ceil(2);
 
 /// Returns whether weights of this many words a channel fit into `blocks` blocks, each channel in whole blocks from its
 /// first word on.

@@ -55,6 +55,8 @@ struct ViewedTexel {
     exact: bool,
     // Whether the bases are packed.
     packed: bool,
+    // Whether their rows, not packed, are whole quads of words.
+    in_quads: bool,
     // Whether relief corrects the interpolation, with the points that are seen.
     relieved: bool,
     relief: SeenRelief,
@@ -80,6 +82,7 @@ fn viewed_new(base: u32, layer: u32, texel: u32, wo_given: vec3<f32>, options: B
         vec3<u32>(texel),
         options.interpolation == INTERPOLATION_EXACT,
         asset_word(t.layer + BLOCK_CHANNEL_WORDS) == 0u,
+        asset_word(t.layer + BLOCK_CHANNEL_WORDS) % 4u == 0u,
         false,
         SeenRelief(),
     );
@@ -187,8 +190,10 @@ fn viewed_residual(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, s
         let t = viewed_shown_by(viewed, v);
         if viewed.packed {
             sum += packed_sum(t, viewed.views, lights, of_views);
-        } else {
+        } else if viewed.in_quads {
             sum += residual_sum(t, viewed.views, lights, wanted, of_views);
+        } else {
+            sum += residual_sum_by_words(t, viewed.views, lights, wanted, of_views);
         }
     }
     for (var l = 0u; l < 3u; l++) {
@@ -216,8 +221,8 @@ fn viewed_light_alone(viewed: ViewedTexel, wi: vec3<f32>) -> vec3<f32> {
     let lit = viewed_lit(viewed, wi);
     var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
     if lit.is_lit && viewed.t.bases > 0u {
-        let wanted = lit.light.weights > vec3<f32>(0.0);
-        found = viewed_rows(viewed, lit.light.ids, wanted, asset_f32(viewed.t.layer + BLOCK_EPSILON));
+        // All three, without a choice: seldom is the share of one 0.
+        found = viewed_rows(viewed, lit.light.ids, vec3<bool>(true), asset_f32(viewed.t.layer + BLOCK_EPSILON));
     }
     return viewed_value(viewed, lit, found);
 }

@@ -4,6 +4,7 @@ use crate::asset::asset::{Asset, Layer};
 use crate::asset::dictionary::{DictionaryLobe, LobeRef};
 use crate::asset::edit::{EDIT_WORDS, Edits};
 use crate::asset::heights::Heights;
+use crate::asset::limits::channel_words;
 use crate::asset::residual::Residual;
 use crate::resident::expansion::Expansion;
 use crate::resident::layout::{
@@ -200,7 +201,7 @@ fn push_layer(words: &mut Vec<u32>, layer: &Layer) {
     set(words, block::VIEW_SIDE, layer.view_side as u32);
     set(words, block::RESIDUAL_KIND, layer.residual_kind as u32);
     set(words, block::EPSILON, layer.epsilon.to_bits());
-    set(words, block::CHANNEL_WORDS, bases.div_ceil(2) as u32);
+    set(words, block::CHANNEL_WORDS, channel_words(bases) as u32);
     set(words, block::LIGHT_COUNT, layer.lights.len() as u32);
     set(words, block::PAIRS, (layer.lights.len() * layer.views.len()) as u32);
     set(words, block::HORIZON, horizon.to_bits());
@@ -348,7 +349,7 @@ fn with_room_for_bases(head: Vec<u32>, asset: &Asset) -> Vec<u32> {
 
 /// Returns the number of words of one cluster's bases.
 fn cluster_words(residual: &Residual) -> usize {
-    residual.factors.shape.iter().product::<usize>() * 3 * residual.bases.len().div_ceil(2)
+    residual.factors.shape.iter().product::<usize>() * 3 * channel_words(residual.bases.len())
 }
 
 /// Appends a layer's edits: the list that the layer's block points to, then each edit's dictionaries.

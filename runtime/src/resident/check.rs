@@ -6,7 +6,9 @@ use crate::asset::disk::cells_a_side;
 use crate::asset::edit::EDIT_WORDS;
 use crate::asset::limits::EPSILON_RANGE;
 use crate::asset::limits::MAX_HEIGHT_STEP;
-use crate::asset::limits::{MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE};
+use crate::asset::limits::{
+    MAX_CHANNEL_WORDS, MAX_CLUSTERS, MAX_COMPONENTS, MAX_DICTIONARY, MAX_LAYERS, MAX_LEVELS, MAX_SIDE,
+};
 use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
 use crate::asset::relief::{RELIEF_WORDS, Relief};
 use crate::asset::residual::ResidualKind;
@@ -176,7 +178,7 @@ impl<'a> Block<'a> {
         if channel_words == 0 {
             return self.packed(rows / (3 * self.field(block::CLUSTERS)));
         }
-        if channel_words < bases.div_ceil(2) || channel_words > MAX_COMPONENTS.div_ceil(2) + 1 {
+        if channel_words < bases.div_ceil(2) || channel_words > MAX_CHANNEL_WORDS {
             return Err(rule::CHANNEL_WORDS);
         }
         if codes != (bases - 1).div_ceil(4) {

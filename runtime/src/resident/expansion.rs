@@ -7,6 +7,7 @@
 //! `resident/expansion.wgsl`, over `expansion_input.rs`.
 
 use crate::asset::asset::Layer;
+use crate::asset::limits::channel_words;
 use crate::asset::residual::{COLOUR_FRAME, Residual};
 use crate::numeric::in_vectors::in_vectors;
 use pulp::{Simd, WithSimd};
@@ -71,10 +72,9 @@ impl<'a> Expansion<'a> {
         Expansion { residual, layer: None, channels, row: residual.bases.len().next_multiple_of(LANES) }
     }
 
-    /// Returns the number of bases that [`Expansion::rows`] gives for each pair and channel, padded by a zero to an
-    /// even count.
+    /// Returns the number of bases that [`Expansion::rows`] gives for each pair and channel, padded by zeros.
     pub(crate) fn padded(&self) -> usize {
-        self.residual.bases.len().next_multiple_of(2)
+        2 * channel_words(self.residual.bases.len())
     }
 
     /// Returns the number of pairs times that of channels.

@@ -2,6 +2,7 @@
 //! bindings.
 
 use crate::asset::asset::Layer;
+use crate::asset::limits::channel_words;
 use crate::asset::lobe::Lobe;
 use crate::asset::lobe_tables::lobe_tables;
 use crate::asset::predicted_lobes::LobeNodes;
@@ -172,7 +173,7 @@ impl ExpansionInput {
         let mut shape = ExpansionShape {
             views: residual.factors.shape[0] as u32,
             lights: residual.factors.shape[1] as u32,
-            channel_words: bases.div_ceil(2) as u32,
+            channel_words: channel_words(bases) as u32,
             quads: bases.div_ceil(SIDE_BY_SIDE) as u32,
             shared_bases: residual.shared.steps.len() as u32,
             ..ExpansionShape::default()

@@ -25,7 +25,8 @@ pub mod block {
     pub const EPSILON: usize = 3;
     /// Number of bases: 0 without residual, else 1 + components.
     pub const BASES: usize = 4;
-    /// Number of words of a pair and channel: `ceil(bases / 2)`.
+    /// Number of words of a pair and channel: at least `ceil(bases / 2)`; a multiple of 4 where rows are read four words at a
+    /// time.
     pub const CHANNEL_WORDS: usize = 5;
     /// Offset of the set of light directions.
     pub const LIGHTS: usize = 6;

@@ -158,6 +158,11 @@ impl Resident {
         (0..self.layers()).any(|layer| self.is_packed(layer))
     }
 
+    /// Returns whether the rows of any layer's bases, not packed, are not whole quads of words: shaders read those word by word.
+    pub fn has_uneven_rows(&self) -> bool {
+        (0..self.layers()).any(|layer| !self.field(layer, block::CHANNEL_WORDS).is_multiple_of(4))
+    }
+
     /// Returns where the numbers of the packed bases of `layer` stand.
     pub(crate) fn packed_table(&self, layer: u32) -> &PackedTable {
         let table = |layer: u32| match self.is_packed(layer) {

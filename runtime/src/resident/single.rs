@@ -1,6 +1,7 @@
 //! Bases expanded in single precision beside the resident form, for measuring the error of its half precision.
 
 use crate::asset::asset::Asset;
+use crate::asset::limits::channel_words;
 use crate::asset::residual::COLOUR_FRAME;
 use crate::resident::expansion::Expansion;
 use crate::resident::layout::{ASSET_LAYERS, block};
@@ -8,8 +9,7 @@ use crate::resident::packed_part::PackedPart;
 use crate::resident::resident::Resident;
 use crate::threads::{Threads, fill};
 
-/// The expanded bases of every layer in single precision, `[cluster, pair, channel, basis]`, bases padded to an even
-/// count: the order of the resident form's halves. They take twice the memory of those.
+/// The expanded bases of every layer in single precision, `[cluster, pair, channel, basis]`, bases padded: the order of the resident form's halves. They take twice the memory of those.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SingleBases {
     layers: Vec<Vec<f32>>,
@@ -45,7 +45,7 @@ impl SingleBases {
             let at = words[ASSET_LAYERS + layer as usize] as usize;
             let field = |field: usize| words[at + field] as usize;
             let (bases, pairs) = (field(block::BASES), field(block::PAIRS));
-            let padded = bases.next_multiple_of(2);
+            let padded = 2 * channel_words(bases);
             let part = PackedPart::new(words, field(block::BASIS));
             let mut values = vec![0.0f32; field(block::CLUSTERS) * pairs * 3 * padded];
             fill(threads, &mut values, pairs * 3 * padded, |cluster, values| {

@@ -31,6 +31,7 @@ override with_exact_rule: bool = true;
 override most_heights: u32 = 2u;
 override with_edits: bool = true;
 override with_packed_bases: bool = true;
+override with_uneven_rows: bool = true;
 override with_kept_rows: bool = true;
 
 // Returns the direction of a ray from the eye through a pixel.

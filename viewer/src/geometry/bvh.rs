@@ -8,7 +8,8 @@ use crate::geometry::lod_transition::LodTransition;
 use crate::geometry::shear::Shear;
 use glam::Vec3;
 
-/// Entries of the traversal's stack; more than the deepest two hierarchies need. Twin: `BVH_STACK` in `bvh.wgsl`.
+/// Entries of the traversal's stack; more than the deepest two hierarchies need. Twin: `BVH_STACK` in `bvh.wgsl`, of which a
+/// module has what its scene needs ([`Geometry::stack_entries`]).
 pub const STACK: usize = 80;
 /// Shares of t by which a box is entered too late because of rounding [Ize 2013].
 const BOX_SLACK: f32 = 1.000_001;
@@ -88,27 +89,27 @@ impl Geometry {
         let (mut from, mut reach) = (0.0, t_max);
         let world = BoxRay::new(origin, direction);
         let (mut ray, mut shear) = (world, Shear::new(direction));
+        // Nodes that wait.
         let mut stack = [0u32; STACK];
-        let (mut size, mut at) = (0, self.root());
+        let mut size = 0;
         // The instance that the ray is in, and where the stack stood before.
         let (mut instance, mut below) = (NO_INSTANCE, 0);
-        if enter(&nodes[at as usize], &ray, reach) >= reach {
+        let mut node = nodes[self.root() as usize];
+        if enter(&node, &ray, reach) >= reach {
             return best;
         }
         loop {
-            let node = nodes[at as usize];
             if node.count == 0 {
-                let left = enter(&nodes[node.first as usize], &ray, reach);
-                let right = enter(&nodes[node.first as usize + 1], &ray, reach);
+                let [left, right] = [0, 1].map(|side| nodes[node.first as usize + side]);
+                let [t_left, t_right] = [enter(&left, &ray, reach), enter(&right, &ray, reach)];
                 // Go to the nearer child, keep the farther one.
-                let (near, far) =
-                    if left <= right { (node.first, node.first + 1) } else { (node.first + 1, node.first) };
-                if left.min(right) < reach {
-                    if left.max(right) < reach {
-                        stack[size] = far;
+                let left_first = t_left <= t_right;
+                if t_left.min(t_right) < reach {
+                    if t_left.max(t_right) < reach {
+                        stack[size] = node.first + u32::from(left_first);
                         size += 1;
                     }
-                    at = near;
+                    node = if left_first { left } else { right };
                     continue;
                 }
             } else if instance == NO_INSTANCE {
@@ -118,10 +119,10 @@ impl Geometry {
                 let own = placed.object_from_world(direction, 0.0);
                 ray = BoxRay::new(placed.object_from_world(origin, 1.0), own);
                 shear = Shear::new(own);
-                at = placed.root;
+                node = nodes[placed.root as usize];
                 let [first, last] = spheres.mesh(placed.leaf_width);
                 (from, reach) = (first, best.t.min(last));
-                if enter(&nodes[at as usize], &ray, reach) < reach {
+                if enter(&node, &ray, reach) < reach {
                     continue;
                 }
             } else {
@@ -146,8 +147,27 @@ impl Geometry {
                 return best;
             }
             size -= 1;
-            at = stack[size];
+            node = nodes[stack[size] as usize];
         }
+    }
+}
+
+impl Geometry {
+    /// Returns the entries of the stack that rays take at most from any of these nodes on, in eights. `tops` are where the
+    /// hierarchies over instances begin. Cost: a pass over the nodes.
+    pub(crate) fn stack_entries(&self, tops: &[u32]) -> usize {
+        let nodes = self.nodes();
+        let mut heights = vec![0usize; nodes.len()];
+        // Children stand behind their parents.
+        for number in (0..nodes.len()).rev() {
+            let BvhNode { first, count: 0, .. } = nodes[number] else { continue };
+            heights[number] = 1 + heights[first as usize].max(heights[first as usize + 1]);
+        }
+        let highest =
+            |roots: &mut dyn Iterator<Item = u32>| roots.map(|root| heights[root as usize]).max().unwrap_or(0);
+        let of_instances = highest(&mut tops.iter().copied());
+        let of_meshes = highest(&mut self.instances().iter().map(|instance| instance.root));
+        (of_instances + of_meshes).max(1).next_multiple_of(8)
     }
 }
 
@@ -453,6 +473,7 @@ mod tests {
             }
             assert!(seen.iter().all(|count| *count == 1));
             assert!(deepest + deepest_top < STACK, "depth {deepest} below {deepest_top}");
+            assert_eq!(geometry.stack_entries(&[geometry.root()]), deepest.next_multiple_of(8));
         }
     }
 }

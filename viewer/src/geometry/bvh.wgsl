@@ -7,6 +7,7 @@ struct BvhNode {
     count: u32,
 }
 
+// In the module of a scene, as many as the scene needs: a GPU writes zeros to all of them for every ray.
 const BVH_STACK: u32 = 80u;
 const BOX_SLACK: f32 = 1.000001;
 const MIN_DIRECTION: f32 = 1e-15;
@@ -24,28 +25,31 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
     let world = box_ray(origin, direction);
     var ray = world;
     var shear = shear_new(direction);
+    // Nodes that wait.
     var stack: array<u32, BVH_STACK>;
     var size = 0u;
-    var at = root;
     // The instance that the ray is in, and where the stack stood before.
     var instance = NO_INSTANCE;
     var below = 0u;
-    if bvh_enter(node_at(at), ray, reach) >= reach {
+    var node = node_at(root);
+    if bvh_enter(node, ray, reach) >= reach {
         return best;
     }
     loop {
-        let node = node_at(at);
         if node.count == 0u {
-            let left = bvh_enter(node_at(node.first), ray, reach);
-            let right = bvh_enter(node_at(node.first + 1u), ray, reach);
+            let left = node_at(node.first);
+            let right = node_at(node.first + 1u);
+            let t_left = bvh_enter(left, ray, reach);
+            let t_right = bvh_enter(right, ray, reach);
             // Go to the nearer child, keep the farther one.
-            let left_first = left <= right;
-            if min(left, right) < reach {
-                if max(left, right) < reach && size < BVH_STACK {
+            let left_first = t_left <= t_right;
+            if min(t_left, t_right) < reach {
+                if max(t_left, t_right) < reach && size < BVH_STACK {
                     stack[size] = select(node.first, node.first + 1u, left_first);
                     size += 1u;
                 }
-                at = select(node.first + 1u, node.first, left_first);
+                node.first = select(right.first, left.first, left_first);
+                node.count = select(right.count, left.count, left_first);
                 continue;
             }
         } else if instance == NO_INSTANCE {
@@ -55,14 +59,14 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
             let own = object_from_world(instance, vec4<f32>(direction, 0.0));
             ray = box_ray(object_from_world(instance, vec4<f32>(origin, 1.0)), own);
             shear = shear_new(own);
-            at = instances[instance].root;
+            node = node_at(instances[instance].root);
             // Fronts are those of volumes' proxies, which are entered wherever they are.
             if with_lod_transition && which != HIT_FRONT {
                 let there = lod_transition_mesh(spheres, instances[instance].leaf_width);
                 from_t = there.x;
                 reach = min(best.t, there.y);
             }
-            if bvh_enter(node_at(at), ray, reach) < reach {
+            if bvh_enter(node, ray, reach) < reach {
                 continue;
             }
         } else {
@@ -88,7 +92,7 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
             return best;
         }
         size -= 1u;
-        at = stack[size];
+        node = node_at(stack[size]);
     }
     return best;
 }

@@ -29,6 +29,8 @@ fn place(words: &[usize], max_words: usize) -> (Vec<u32>, PieceLayout, usize) {
         bases.push(at as u32);
         at += words;
     }
+    // Shaders read quads of words.
+    let at = at.next_multiple_of(4);
     // Where all fits into one piece none ends within, and the gaps that were left are harmless.
     (bases, PieceLayout::of(at, max_words), at)
 }

@@ -1,5 +1,6 @@
 //! The shader texts, joined as plain text in a fixed order.
 
+use crate::geometry::bvh::STACK;
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::pieces::{ASSETS, NODES, PieceLayout, TRIANGLES, VERTICES};
 use std::collections::HashMap;
@@ -62,9 +63,9 @@ pub(crate) fn part_of_functions() -> HashMap<String, ModulePart> {
     let mut parts: HashMap<_, _> =
         texts.into_iter().flat_map(|(part, text)| names(text).into_iter().map(move |name| (name, part))).collect();
     for array in [&VERTICES, &TRIANGLES, &NODES] {
-        parts.extend(array.readers.iter().map(|(name, ..)| (String::from(*name), ModulePart::Trace)));
+        parts.extend(array.readers.iter().map(|reader| (String::from(reader.name), ModulePart::Trace)));
     }
-    parts.extend(ASSETS.readers.iter().map(|(name, ..)| (String::from(*name), ModulePart::Decode)));
+    parts.extend(ASSETS.readers.iter().map(|reader| (String::from(reader.name), ModulePart::Decode)));
     parts
 }
 
@@ -79,6 +80,8 @@ pub struct ModuleLayout {
     pub triangles: PieceLayout,
     /// Cut of the nodes of the hierarchy, for the tracer that has one.
     pub nodes: PieceLayout,
+    /// Entries of the stack of the compute hierarchy.
+    pub stack: usize,
     /// Whether there are volumetric textures.
     pub volumes: bool,
 }
@@ -90,6 +93,7 @@ impl ModuleLayout {
         vertices: PieceLayout::WHOLE,
         triangles: PieceLayout::WHOLE,
         nodes: PieceLayout::WHOLE,
+        stack: STACK,
         volumes: true,
     };
 }
@@ -102,16 +106,17 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     if tracer == GpuTracer::Bvh {
         arrays += &layout.nodes.wgsl(&NODES);
     }
-    let library = btf_runtime::wgsl_library();
+    let library = btf_runtime::wgsl_library_of_quads();
     let voltex = btf_runtime::voltex_wgsl();
     let volumes: &[&str] = match layout.volumes {
         true => &[&voltex, SKIN_WALK, SKIN_CELL, SKIN_PATTERN, VOLUMES, VOLUME_LIGHT, VOLUMES_ON_PATHS],
         false => &[NO_VOLUMES],
     };
     // The file with the enable directive comes first.
+    let bvh = BVH.replace(&stack_wgsl(STACK), &stack_wgsl(layout.stack));
     let tracer_parts: &[&str] = match tracer {
         GpuTracer::RayQuery => &[TRACE_RAY_QUERY],
-        GpuTracer::Bvh => &[TRACE_BVH, BVH],
+        GpuTracer::Bvh => &[TRACE_BVH, &bvh],
     };
     [
         tracer_parts,
@@ -134,6 +139,11 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
     ]
     .concat()
     .join("\n")
+}
+
+/// Returns the line of `bvh.wgsl` that tells how many entries the stack has.
+fn stack_wgsl(entries: usize) -> String {
+    format!("const BVH_STACK: u32 = {entries}u;")
 }
 
 /// Joins the module that walks rays through a shell (`walk_queries.wgsl`); a tracer's module has the same texts but for

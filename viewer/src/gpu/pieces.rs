@@ -35,8 +35,7 @@ impl PieceLayout {
         first..((piece as usize + 1) << self.shift).min(count)
     }
 
-    /// Declares the pieces of `array<ty>` in `group` at `binding` and the next ones, and `fn reader(index) -> ty`, or
-    /// of the element's `field`.
+    /// Declares the pieces of `array<ty>` in `group` at `binding` and the next ones, and the array's readers.
     pub(crate) fn wgsl(self, array: &PieceArray) -> String {
         let PieceArray { group, name, ty, .. } = array;
         let mut text = String::new();
@@ -44,18 +43,20 @@ impl PieceLayout {
             let _ =
                 writeln!(text, "@group({group}) @binding({binding}) var<storage, read> {name}_{piece}: array<{ty}>;");
         }
-        for (reader, field, result) in array.readers {
+        for Reader { name: reader, read, result, shift } in array.readers {
             let _ = writeln!(text, "\nfn {reader}(index: u32) -> {result} {{");
+            let of = |piece: u32, at: &str| format!("{name}_{piece}{}", read.replace("AT", at));
             if self.pieces == 1 {
-                let _ = writeln!(text, "    return {name}_0[index]{field};\n}}");
+                let _ = writeln!(text, "    return {};\n}}", of(0, "index"));
                 continue;
             }
-            let mask = (1u32 << self.shift) - 1;
-            let _ = writeln!(text, "    let at = index & {mask}u;\n    switch index >> {}u {{", self.shift);
+            let shift = self.shift - shift;
+            let mask = (1u32 << shift) - 1;
+            let _ = writeln!(text, "    let at = index & {mask}u;\n    switch index >> {shift}u {{");
             for piece in 1..self.pieces {
-                let _ = writeln!(text, "        case {piece}u: {{ return {name}_{piece}[at]{field}; }}");
+                let _ = writeln!(text, "        case {piece}u: {{ return {}; }}", of(piece, "at"));
             }
-            let _ = writeln!(text, "        default: {{ return {name}_0[at]{field}; }}\n    }}\n}}");
+            let _ = writeln!(text, "        default: {{ return {}; }}\n    }}\n}}", of(0, "at"));
         }
         text
     }
@@ -74,22 +75,49 @@ pub(crate) struct PieceArray {
     pub binding: u32,
     /// Name, to which the pieces' numbers are added.
     pub name: &'static str,
-    /// Type of an element.
+    /// Type of an element of the array in the shader.
     pub ty: &'static str,
-    /// Functions that read an element or a field of it: name, field with its dot, type.
-    pub readers: &'static [(&'static str, &'static str, &'static str)],
+    /// Functions that read it.
+    pub readers: &'static [Reader],
 }
 
-/// The assets' words, see `arena.rs`.
-pub(crate) const ASSETS: PieceArray =
-    PieceArray { group: 0, binding: 100, name: "assets", ty: "u32", readers: &[("asset_word", "", "u32")] };
+/// A function that reads an array by a number: `fn name(index: u32) -> result`.
+pub(crate) struct Reader {
+    pub name: &'static str,
+    /// What comes behind the name of the piece; AT stands for the number within it.
+    pub read: &'static str,
+    pub result: &'static str,
+    /// Binary logarithm of how many elements, as [`PieceLayout`] counts them, one number stands for.
+    pub shift: u32,
+}
+
+impl Reader {
+    const fn new(name: &'static str, read: &'static str, result: &'static str) -> Reader {
+        Reader { name, read, result, shift: 0 }
+    }
+}
+
+/// The assets' words, see `arena.rs`; their cut counts words.
+pub(crate) const ASSETS: PieceArray = PieceArray {
+    group: 0,
+    binding: 100,
+    name: "assets",
+    ty: "vec4<u32>",
+    readers: &[
+        Reader::new("asset_word", "[AT >> 2u][AT & 3u]", "u32"),
+        Reader { shift: 2, ..Reader::new("asset_quad", "[AT]", "vec4<u32>") },
+    ],
+};
 /// A scene's vertices.
 pub(crate) const VERTICES: PieceArray = PieceArray {
     group: 1,
     binding: 100,
     name: "vertices",
     ty: "Vertex",
-    readers: &[("vertex_at", "", "Vertex"), ("vertex_position", ".position", "vec3<f32>")],
+    readers: &[
+        Reader::new("vertex_at", "[AT]", "Vertex"),
+        Reader::new("vertex_position", "[AT].position", "vec3<f32>"),
+    ],
 };
 /// A scene's triangles.
 pub(crate) const TRIANGLES: PieceArray = PieceArray {
@@ -97,11 +125,16 @@ pub(crate) const TRIANGLES: PieceArray = PieceArray {
     binding: 200,
     name: "triangles",
     ty: "Triangle",
-    readers: &[("triangle_at", "", "Triangle")],
+    readers: &[Reader::new("triangle_at", "[AT]", "Triangle")],
 };
 /// The nodes of its hierarchy.
-pub(crate) const NODES: PieceArray =
-    PieceArray { group: 1, binding: 300, name: "nodes", ty: "BvhNode", readers: &[("node_at", "", "BvhNode")] };
+pub(crate) const NODES: PieceArray = PieceArray {
+    group: 1,
+    binding: 300,
+    name: "nodes",
+    ty: "BvhNode",
+    readers: &[Reader::new("node_at", "[AT]", "BvhNode")],
+};
 
 /// An array on a GPU.
 pub(crate) struct Pieces {
@@ -185,6 +218,7 @@ mod tests {
         let text = PieceLayout::WHOLE.wgsl(&VERTICES);
         assert!(text.contains("return vertices_0[index];") && text.contains("return vertices_0[index].position;"));
         let text = PieceLayout { pieces: 2, shift: 4 }.wgsl(&ASSETS);
-        assert!(text.contains("case 1u: { return assets_1[at]; }") && text.contains("index & 15u"));
+        assert!(text.contains("case 1u: { return assets_1[at >> 2u][at & 3u]; }") && text.contains("index & 15u"));
+        assert!(text.contains("case 1u: { return assets_1[at]; }") && text.contains("index >> 2u"));
     }
 }

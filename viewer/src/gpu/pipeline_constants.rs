@@ -34,6 +34,8 @@ pub(crate) struct PipelineConstants {
     pub edits: bool,
     /// Bases of assets are packed.
     pub packed_bases: bool,
+    /// Rows of bases, not packed, are not whole quads of words.
+    pub uneven_rows: bool,
     /// Rows of residual are kept from light to light.
     pub kept_rows: bool,
 }
@@ -57,6 +59,7 @@ impl PipelineConstants {
             heights: if uses_heights { options.decode.heights as u32 } else { HeightUse::None as u32 },
             edits: heads().any(|head| head.has_edits()),
             packed_bases: heads().any(|head| head.has_packed_bases()),
+            uneven_rows: heads().any(|head| head.has_uneven_rows()),
             kept_rows: asked + usize::from(scene.sun.is_some()) + usize::from(around) >= LIGHTS_THAT_SHARE_ROWS,
         }
     }
@@ -75,6 +78,7 @@ impl PipelineConstants {
             heights: self.heights.max(other.heights),
             edits: self.edits | other.edits,
             packed_bases: self.packed_bases | other.packed_bases,
+            uneven_rows: self.uneven_rows | other.uneven_rows,
             kept_rows: self.kept_rows | other.kept_rows,
         }
     }
@@ -85,7 +89,7 @@ impl PipelineConstants {
     }
 
     /// Returns the values by name, for the pipeline of a pass.
-    pub(crate) fn values(self, pass: Pass) -> [(&'static str, f64); 12] {
+    pub(crate) fn values(self, pass: Pass) -> [(&'static str, f64); 13] {
         // The ray that goes on from a surface is one light.
         let kept_rows = self.kept_rows && pass != Pass::Scatter;
         [
@@ -100,6 +104,7 @@ impl PipelineConstants {
             ("most_heights", self.heights),
             ("with_edits", u32::from(self.edits)),
             ("with_packed_bases", u32::from(self.packed_bases)),
+            ("with_uneven_rows", u32::from(self.uneven_rows)),
             ("with_kept_rows", u32::from(kept_rows)),
         ]
         .map(|(name, value)| (name, f64::from(value)))
@@ -136,7 +141,10 @@ mod tests {
         assert!(few.drawn_lights && !few.kept_rows);
         assert!(changed(&|_, shade| shade.decode.interpolation = Interpolation::Exact).exact);
         assert!(changed(&|scene, _| scene.materials[0].displacement = 1.0).displacement);
-        assert!(changed(&|scene, _| scene.assets.clear()) == PipelineConstants { assets: false, ..plain });
+        assert!(
+            changed(&|scene, _| scene.assets.clear())
+                == PipelineConstants { assets: false, uneven_rows: false, ..plain }
+        );
         let grey = || Some(Arc::new(Environment::new(4, 2, &[1.0; 24])));
         assert!(changed(&|scene, _| scene.environment = grey()).environment);
         let texels = (scene.assets[0].head().width() * scene.assets[0].head().height()) as usize;

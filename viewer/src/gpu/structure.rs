@@ -2,6 +2,7 @@
 //! acceleration structure over them.
 
 use crate::error::ViewerError;
+use crate::geometry::bvh::STACK;
 use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::Geometry;
 use crate::gpu::acceleration_structure::acceleration_structure;
@@ -48,14 +49,19 @@ impl Structure {
         assets: PieceLayout,
     ) -> Result<Structure, ViewerError> {
         let with_proxies = scene.volumes.as_ref().map(|volumes| scene.geometry.followed_by(volumes.proxies()));
-        let (geometry, volume_root) =
-            with_proxies.as_ref().map_or((&*scene.geometry, 0), |(geometry, root)| (geometry, *root));
+        let (geometry, volume_root) = with_proxies
+            .as_ref()
+            .map_or((&*scene.geometry, scene.geometry.root()), |(geometry, root)| (geometry, *root));
         let arrays = Arrays::new(gpu, geometry, tracer)?;
         let cut = ModuleLayout {
             assets,
             vertices: arrays.vertices.layout,
             triangles: arrays.triangles.layout,
             nodes: arrays.nodes.as_ref().map_or(PieceLayout::WHOLE, |nodes| nodes.layout),
+            stack: match tracer {
+                GpuTracer::Bvh => geometry.stack_entries(&[geometry.root(), volume_root]),
+                GpuTracer::RayQuery => STACK,
+            },
             volumes: scene.volumes.is_some(),
         };
         check_pieces(gpu, &cut)?;

@@ -30,6 +30,7 @@ const CUT: ModuleLayout = ModuleLayout {
     vertices: PieceLayout { pieces: 2, shift: 12 },
     triangles: PieceLayout { pieces: 4, shift: 14 },
     nodes: PieceLayout { pieces: 2, shift: 16 },
+    stack: 24,
     volumes: false,
 };
 
@@ -77,7 +78,9 @@ fn constant(module: &naga::Module, name: &str) -> Option<naga::Literal> {
 #[test]
 fn every_module_is_valid_with_exactly_the_capabilities_that_we_ask_for() {
     validate(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE), PORTABLE).unwrap();
-    validate(&trace_module(GpuTracer::Bvh, CUT), PORTABLE).unwrap();
+    let cut = trace_module(GpuTracer::Bvh, CUT);
+    validate(&cut, PORTABLE).unwrap();
+    assert!(cut.contains("const BVH_STACK: u32 = 24u;") && !cut.contains("const BVH_STACK: u32 = 80u;"));
     validate(BLIT, Capabilities::empty()).unwrap();
     validate(ROOFLINE, Capabilities::empty()).unwrap();
     // The skin's functions are core WGSL.

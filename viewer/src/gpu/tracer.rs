@@ -159,10 +159,7 @@ impl Tracer {
             None => {
                 let module = match &counting {
                     Some((_, make)) => make(gpu, structure.cut)?,
-                    None => gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                        label: Some(tracer.name()),
-                        source: wgpu::ShaderSource::Wgsl(trace_module(tracer, structure.cut).into()),
-                    }),
+                    None => gpu.shader_module(tracer.name(), trace_module(tracer, structure.cut)),
                 };
                 let counters_layout = counting.as_ref().map(|(counters, _)| &counters.layout);
                 let layouts: Vec<_> = [&scene_layout, &structure.layout].into_iter().chain(counters_layout).collect();

@@ -53,6 +53,9 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
         if !with_packed_bases {
             viewed.texel.packed = false;
         }
+        if !with_uneven_rows {
+            viewed.texel.in_quads = true;
+        }
     }
     return viewed;
 }

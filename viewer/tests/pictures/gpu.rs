@@ -2,7 +2,7 @@
 //! then each test prints one line `skipped: ...` and passes.
 
 use crate::support::{ABSOLUTE, RELATIVE, backends, count_differences, difference, gpu, tracers};
-use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_relief_asset};
+use btf_runtime::testing::{Random, dense_asset, sample_asset, sample_heights, sample_relief_asset};
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, HeightUse, Heights, Interpolation, LobeRole, PackedGoal, Resident, ResidualKind,
     decode, pack, serial, with_levels,
@@ -75,6 +75,29 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
                 off[777][1] += 2.0 * (ABSOLUTE + RELATIVE * off[777][1]);
                 assert_eq!(count_differences(&off, &found), differences + 1);
             }
+        }
+    }
+}
+
+#[test]
+fn rows_that_are_read_in_quads_decode_like_the_cpu() {
+    let Some(gpu) = gpu("rows_that_are_read_in_quads_decode_like_the_cpu") else { return };
+    const SAMPLES: usize = 20_000;
+    for components in [21, 23, 30] {
+        let resident = Resident::from_asset(&dense_asset(components as u64, 16, components));
+        assert!(!resident.has_uneven_rows(), "{components}");
+        let queries = random_queries(&resident, 3, SAMPLES);
+        // Every number of bases begins its last quad elsewhere.
+        for used in [components as u32, 11, 8, 7, 1] {
+            let options = DecodeOptions { components: used, ..DecodeOptions::default() };
+            let cpu = |options: &DecodeOptions| -> Vec<[f32; 3]> {
+                queries.iter().map(|q| decode(&resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
+            };
+            let found = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap();
+            assert_eq!(count_differences(&cpu(&options), &found), 0, "{used} of {components}");
+            // Planted difference: half of the components.
+            let fewer = cpu(&DecodeOptions { components: used / 2, ..options });
+            assert!(count_differences(&fewer, &found) > SAMPLES / 10, "{used} of {components}");
         }
     }
 }

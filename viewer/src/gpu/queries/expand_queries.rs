@@ -17,6 +17,8 @@ pub fn gpu_expand(gpu: &Gpu, asset: &Asset) -> Result<Vec<u32>, ViewerError> {
     for (buffer, place) in arena.pieces.buffers.iter().zip(arena.pieces.places()) {
         words.extend(read_buffer::<u32>(gpu, buffer, place.len())?);
     }
+    // Word 3 is the number of them; the buffers have whole quads.
+    words.truncate(words[3] as usize);
     Ok(words)
 }
 
