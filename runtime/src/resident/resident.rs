@@ -163,6 +163,12 @@ impl Resident {
         (0..self.layers()).any(|layer| !self.field(layer, block::CHANNEL_WORDS).is_multiple_of(4))
     }
 
+    /// Returns whether the rows of any layer's bases, not packed, are whole quads of words.
+    pub fn has_even_rows(&self) -> bool {
+        let words = |layer| self.field(layer, block::CHANNEL_WORDS);
+        (0..self.layers()).any(|layer| words(layer) > 0 && words(layer).is_multiple_of(4))
+    }
+
     /// Returns where the numbers of the packed bases of `layer` stand.
     pub(crate) fn packed_table(&self, layer: u32) -> &PackedTable {
         let table = |layer: u32| match self.is_packed(layer) {

@@ -10,12 +10,15 @@ use crate::gpu::results::timer::{GpuTimer, PassTimes};
 use crate::gpu::tracer::Tracer;
 use crate::picture::PixelHit;
 use crate::render::engine::Engine;
+use std::time::Duration;
 use web_time::Instant;
 
 /// Frames of a row at least.
 pub(super) const MIN_FRAMES: usize = 3;
 /// Frames of a row at most.
 const MAX_FRAMES: usize = 60;
+/// How long frames are drawn before they are timed, at least one of them.
+const WARM_UP: Duration = Duration::from_millis(150);
 /// Milliseconds of frames after which a row ends.
 const ROW_MS: f64 = 1000.0;
 /// Milliseconds that a band's passes may take: systems that show windows take a device for hung after 2 s.
@@ -85,9 +88,15 @@ fn time_on_gpu(gpu: &Gpu, tracer: &mut Tracer, point: &Point) -> Result<Times, V
     let mut timer = GpuTimer::new(gpu);
     tracer.warm_up(&point.frame())?;
     tracer.limit_bands(&point.frame(), MAX_BAND_MS)?;
-    // One whole frame more, for caches and clocks.
-    tracer.sample(&point.frame(), None)?;
-    gpu.wait()?;
+    // More whole frames, for caches and for clocks, which GPUs lower while they rest.
+    let start = Instant::now();
+    loop {
+        tracer.sample(&point.frame(), None)?;
+        gpu.wait()?;
+        if start.elapsed() >= WARM_UP {
+            break;
+        }
+    }
     let mut frames = Vec::new();
     while !is_enough(&frames) {
         let sample = point.sample(frames.len());

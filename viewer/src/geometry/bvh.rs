@@ -153,7 +153,8 @@ impl Geometry {
 }
 
 impl Geometry {
-    /// Returns the entries of the stack that rays take at most from any of these nodes on, in eights. `tops` are where the
+    /// Returns the entries of the stack that rays take at most from any of these nodes on, in multiples of 32, so that
+    /// scenes seldom differ in them. `tops` are where the
     /// hierarchies over instances begin. Cost: a pass over the nodes.
     pub(crate) fn stack_entries(&self, tops: &[u32]) -> usize {
         let nodes = self.nodes();
@@ -167,7 +168,7 @@ impl Geometry {
             |roots: &mut dyn Iterator<Item = u32>| roots.map(|root| heights[root as usize]).max().unwrap_or(0);
         let of_instances = highest(&mut tops.iter().copied());
         let of_meshes = highest(&mut self.instances().iter().map(|instance| instance.root));
-        (of_instances + of_meshes).max(1).next_multiple_of(8)
+        (of_instances + of_meshes).max(1).next_multiple_of(32)
     }
 }
 
@@ -473,7 +474,7 @@ mod tests {
             }
             assert!(seen.iter().all(|count| *count == 1));
             assert!(deepest + deepest_top < STACK, "depth {deepest} below {deepest_top}");
-            assert_eq!(geometry.stack_entries(&[geometry.root()]), deepest.next_multiple_of(8));
+            assert_eq!(geometry.stack_entries(&[geometry.root()]), deepest.next_multiple_of(32));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::geometry::bvh::STACK;
 use crate::gpu::backend::GpuTracer;
-use crate::gpu::pieces::{ASSETS, NODES, PieceLayout, TRIANGLES, VERTICES};
+use crate::gpu::pieces::{ASSETS, ASSETS_IN_QUADS, NODES, PieceLayout, TRIANGLES, VERTICES};
 use std::collections::HashMap;
 
 pub(super) const SCENE: &str = include_str!("../shaders/scene.wgsl");
@@ -65,7 +65,7 @@ pub(crate) fn part_of_functions() -> HashMap<String, ModulePart> {
     for array in [&VERTICES, &TRIANGLES, &NODES] {
         parts.extend(array.readers.iter().map(|reader| (String::from(reader.name), ModulePart::Trace)));
     }
-    parts.extend(ASSETS.readers.iter().map(|reader| (String::from(reader.name), ModulePart::Decode)));
+    parts.extend(ASSETS_IN_QUADS.readers.iter().map(|reader| (String::from(reader.name), ModulePart::Decode)));
     parts
 }
 
@@ -80,6 +80,8 @@ pub struct ModuleLayout {
     pub triangles: PieceLayout,
     /// Cut of the nodes of the hierarchy, for the tracer that has one.
     pub nodes: PieceLayout,
+    /// Whether assets are read in quads of words, which pays where bases are expanded.
+    pub quads: bool,
     /// Entries of the stack of the compute hierarchy.
     pub stack: usize,
     /// Whether there are volumetric textures.
@@ -93,20 +95,30 @@ impl ModuleLayout {
         vertices: PieceLayout::WHOLE,
         triangles: PieceLayout::WHOLE,
         nodes: PieceLayout::WHOLE,
+        quads: true,
         stack: STACK,
         volumes: true,
     };
+
+    /// Tells whether a module of this layout also serves where `needed` would do.
+    pub(crate) fn serves(self, needed: ModuleLayout) -> bool {
+        let ModuleLayout { quads, stack, .. } = self;
+        self == ModuleLayout { quads, stack, ..needed } && quads >= needed.quads && stack >= needed.stack
+    }
 }
 
 /// Joins the module of a tracer: entry points that draw (`passes.wgsl`) and `decode_main`, which decodes a list of
 /// samples.
 pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
+    let (assets, library) = match layout.quads {
+        true => (&ASSETS_IN_QUADS, btf_runtime::wgsl_library_of_quads()),
+        false => (&ASSETS, btf_runtime::wgsl_library()),
+    };
     let mut arrays =
-        [layout.assets.wgsl(&ASSETS), layout.vertices.wgsl(&VERTICES), layout.triangles.wgsl(&TRIANGLES)].join("\n");
+        [layout.assets.wgsl(assets), layout.vertices.wgsl(&VERTICES), layout.triangles.wgsl(&TRIANGLES)].join("\n");
     if tracer == GpuTracer::Bvh {
         arrays += &layout.nodes.wgsl(&NODES);
     }
-    let library = btf_runtime::wgsl_library_of_quads();
     let voltex = btf_runtime::voltex_wgsl();
     let volumes: &[&str] = match layout.volumes {
         true => &[&voltex, SKIN_WALK, SKIN_CELL, SKIN_PATTERN, VOLUMES, VOLUME_LIGHT, VOLUMES_ON_PATHS],

@@ -97,16 +97,23 @@ impl Reader {
     }
 }
 
-/// The assets' words, see `arena.rs`; their cut counts words.
+/// The assets' words, see `arena.rs`.
 pub(crate) const ASSETS: PieceArray = PieceArray {
     group: 0,
     binding: 100,
     name: "assets",
+    ty: "u32",
+    readers: &[Reader::new("asset_word", "[AT]", "u32")],
+};
+/// The same for assets whose rows are read in quads: a quad is one read then, and a single word takes more than in [`ASSETS`].
+/// The cut counts words here, too.
+pub(crate) const ASSETS_IN_QUADS: PieceArray = PieceArray {
     ty: "vec4<u32>",
     readers: &[
         Reader::new("asset_word", "[AT >> 2u][AT & 3u]", "u32"),
         Reader { shift: 2, ..Reader::new("asset_quad", "[AT]", "vec4<u32>") },
     ],
+    ..ASSETS
 };
 /// A scene's vertices.
 pub(crate) const VERTICES: PieceArray = PieceArray {
@@ -218,6 +225,8 @@ mod tests {
         let text = PieceLayout::WHOLE.wgsl(&VERTICES);
         assert!(text.contains("return vertices_0[index];") && text.contains("return vertices_0[index].position;"));
         let text = PieceLayout { pieces: 2, shift: 4 }.wgsl(&ASSETS);
+        assert!(text.contains("case 1u: { return assets_1[at]; }") && text.contains("index & 15u"));
+        let text = PieceLayout { pieces: 2, shift: 4 }.wgsl(&ASSETS_IN_QUADS);
         assert!(text.contains("case 1u: { return assets_1[at >> 2u][at & 3u]; }") && text.contains("index & 15u"));
         assert!(text.contains("case 1u: { return assets_1[at]; }") && text.contains("index >> 2u"));
     }

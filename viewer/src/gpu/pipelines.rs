@@ -64,9 +64,10 @@ impl Pipelines {
         Pipelines { of, device: gpu.device.clone(), module, layout, constants, group: GROUP, by_pass }
     }
 
-    /// Tells whether these are the pipelines of such a module on a device: layouts that were made alike are alike.
+    /// Tells whether these pipelines serve for such a module on a device: layouts that were made alike are alike.
     pub(crate) fn are_of(&self, gpu: &Gpu, of: (GpuTracer, ModuleLayout)) -> bool {
-        self.of == Some(of) && self.device == gpu.device
+        let serves = |(tracer, layout): (GpuTracer, ModuleLayout)| tracer == of.0 && layout.serves(of.1);
+        self.of.is_some_and(serves) && self.device == gpu.device
     }
 
     /// Sets the columns and rows of pixels of a workgroup, at most 256 together.

@@ -58,6 +58,7 @@ impl Structure {
             vertices: arrays.vertices.layout,
             triangles: arrays.triangles.layout,
             nodes: arrays.nodes.as_ref().map_or(PieceLayout::WHOLE, |nodes| nodes.layout),
+            quads: scene.assets.iter().any(|asset| asset.head().has_even_rows()),
             stack: match tracer {
                 GpuTracer::Bvh => geometry.stack_entries(&[geometry.root(), volume_root]),
                 GpuTracer::RayQuery => STACK,

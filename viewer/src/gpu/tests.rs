@@ -30,7 +30,8 @@ const CUT: ModuleLayout = ModuleLayout {
     vertices: PieceLayout { pieces: 2, shift: 12 },
     triangles: PieceLayout { pieces: 4, shift: 14 },
     nodes: PieceLayout { pieces: 2, shift: 16 },
-    stack: 24,
+    quads: false,
+    stack: 32,
     volumes: false,
 };
 
@@ -80,7 +81,7 @@ fn every_module_is_valid_with_exactly_the_capabilities_that_we_ask_for() {
     validate(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE), PORTABLE).unwrap();
     let cut = trace_module(GpuTracer::Bvh, CUT);
     validate(&cut, PORTABLE).unwrap();
-    assert!(cut.contains("const BVH_STACK: u32 = 24u;") && !cut.contains("const BVH_STACK: u32 = 80u;"));
+    assert!(cut.contains("const BVH_STACK: u32 = 32u;") && !cut.contains("const BVH_STACK: u32 = 80u;"));
     validate(BLIT, Capabilities::empty()).unwrap();
     validate(ROOFLINE, Capabilities::empty()).unwrap();
     // The skin's functions are core WGSL.
