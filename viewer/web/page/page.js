@@ -45,7 +45,9 @@ function follow() {
 }
 
 function mark() {
-  shape.value = view.getAttribute('mesh') ?? '';
+  const mesh = view.getAttribute('mesh') ?? '';
+  // A sphere has a name, too, and what a visitor has opened is none of these.
+  shape.value = mesh === 'sphere' ? '' : mesh;
   daylight.checked = view.hasAttribute('daylight');
   for (const entry of document.querySelectorAll('#gallery button')) {
     const { src, leaf, landscape } = entry.dataset;

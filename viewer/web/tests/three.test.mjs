@@ -168,7 +168,7 @@ test('a sphere in three.js is that of btf-view', { skip }, async (t) => {
 
 test('a sphere in three-gpu-pathtracer is that of btf-view', { skip }, async (t) => {
   const page = await open();
-  const url = await reference('traced', await sphere(page), 32);
+  const url = await reference('traced', await sphere(page), 16);
   const { traced, plain, png } = await page.evaluate(async (url) => {
     const THREE = await import('three/webgpu');
     const { texture } = await import('three/tsl');
@@ -177,31 +177,31 @@ test('a sphere in three-gpu-pathtracer is that of btf-view', { skip }, async (t)
     const { BtfPathTracingMaterial } = await import('btf-runtime/three_path_tracer.js');
     const { words } = await new BtfLoader().loadAsync('/weave.spmm');
     const expected = await window.pixelsOf(url);
-    const trace = async (prepare) => {
+    const trace = async (samples, prepare) => {
       const mesh = new THREE.Mesh(new THREE.SphereGeometry(1, 96, 48), new THREE.MeshPhysicalMaterial());
       const { renderer, scene, camera } = await window.stage(THREE, mesh);
       const pathTracer = new WebGPUPathTracer(renderer);
       prepare(mesh, pathTracer);
       pathTracer.useMegakernel(true);
       Object.assign(pathTracer, {
-        maxBounces: 1, maxSamples: 32, renderToCanvas: false, renderDelay: 0, dynamicLowRes: false, filterGlossyFactor: 0,
+        maxBounces: 1, maxSamples: samples, renderToCanvas: false, renderDelay: 0, dynamicLowRes: false, filterGlossyFactor: 0,
       });
       pathTracer.setScene(scene, camera);
-      while ((await pathTracer.getSampleCountsAsync()).min < 32) {
+      while ((await pathTracer.getSampleCountsAsync()).min < samples) {
         pathTracer.renderSample();
       }
       const shown = new THREE.MeshBasicNodeMaterial();
       shown.colorNode = texture(pathTracer.target);
       return window.read(THREE, renderer, () => new THREE.QuadMesh(shown).render(renderer));
     };
-    const pixels = await trace((mesh, pathTracer) => {
+    const pixels = await trace(16, (mesh, pathTracer) => {
       const btf = new BtfPathTracingMaterial(pathTracer.getMaterial());
       mesh.geometry = btf.prepare(mesh.geometry);
       mesh.material = btf.add(words);
       pathTracer.setMaterial(btf);
     });
     const traced = window.psnr(pixels, expected);
-    const plain = window.psnr(await trace(() => {}), expected);
+    const plain = window.psnr(await trace(1, () => {}), expected);
     return { traced, plain, png: await window.pngOf(pixels) };
   }, url);
   await writeFile(join(pictures, 'in_path_tracer.png'), Buffer.from(png));

@@ -56,7 +56,7 @@ pub fn publish(page: &Path, folder: &Path) -> Result<(), Failure> {
 /// Runs the tests of the page and of the package `btf-runtime` for three.js in a browser; pictures are compared with those of
 /// btf-view in this profile.
 pub fn test(target: &Path, page: &Path, package: &Path, profile: &str) -> Result<Counts, Failure> {
-    for (package, program) in [("btf-viewer", "btf-view"), ("btf-fit", "btf-fit")] {
+    for (package, program) in [("btf-viewer", "btf-view"), ("btf-fit", "btf-fit"), ("btf-synth", "btf-synth")] {
         let build = ["build", "--quiet", "--package", package, "--bin", program, "--profile", profile];
         run_checked(&mut cargo(&build))?;
     }
@@ -68,6 +68,7 @@ pub fn test(target: &Path, page: &Path, package: &Path, profile: &str) -> Result
     node.args(["--test", "--test-reporter=tap", "--test-concurrency=1"]).arg(root().join(TESTS));
     node.env("BTF_WEB_PAGE", page).env("BTF_WEB_PICTURES", &pictures).env("BTF_WEB_PACKAGE", package);
     node.env("BTF_VIEW", binaries.join("btf-view")).env("BTF_FIT", binaries.join("btf-fit"));
+    node.env("BTF_SYNTH", binaries.join("btf-synth"));
     browser::tell(target, &mut node);
     let (status, output) = run_and_read(&mut node)?;
     match from_tap(&output) {
