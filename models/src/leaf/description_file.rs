@@ -49,6 +49,9 @@ use btf_capture::toml_text::{bounded_text, line_and_reason};
 /// Largest description file in bytes.
 const MAX_DESCRIPTION_BYTES: u64 = 1 << 16;
 
+/// Tables of the file.
+const TABLES: [&str; 4] = ["contents", "gloss", "look", "variation"];
+
 /// Keys of the file beside the [`LEAF_QUANTITIES`].
 const OTHER_KEYS: [(&str, &str); 5] =
     [("look", "species"), ("look", "deficiency"), ("look", "seed"), ("look", "textures"), ("variation", "seed")];
@@ -65,6 +68,13 @@ impl LeafDescription {
         let text = bounded_text(path, MAX_DESCRIPTION_BYTES, "a leaf's description")
             .map_err(|fault| bad(fault, "point to the description of a leaf (.toml)"))?;
         LeafDescription::parse(&text).map_err(|fault| bad(fault, "correct it"))
+    }
+
+    /// Tells whether a file describes a leaf, right or wrong, by the names of its tables; `false` for what is no TOML.
+    pub fn is_one(path: impl AsRef<Path>) -> bool {
+        let text = bounded_text(path.as_ref(), MAX_DESCRIPTION_BYTES, "a leaf's description").unwrap_or_default();
+        let tables = text.parse::<toml::Table>().unwrap_or_default();
+        TABLES.iter().any(|table| tables.contains_key(*table))
     }
 
     /// Writes the description, whole or not at all. [`LeafDescription::read`] returns the same description again.

@@ -4,8 +4,10 @@ use crate::error::ViewerError;
 use crate::light::environment::Environment;
 use crate::scene::asset::SceneAsset;
 use crate::scene::file::{load_scene, volume_scene};
+use crate::scene::leaf::SceneLeaf;
 use crate::scene::material::Shown;
 use crate::scene::scene::{MeshChoice, Scene};
+use btf_models::LeafDescription;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -59,7 +61,7 @@ fn extension(path: &Path) -> String {
 }
 
 /// Takes a file into the scene: an asset in place of number `asset`, a mesh in place of all objects, a picture of light
-/// around it, or another scene or volume in place of all.
+/// around it, or another scene, a leaf on a blade or a volume in place of all.
 ///
 /// # Errors
 /// The errors of the file's kind; [`ViewerError::Usage`] for another kind. The scene is then as it was.
@@ -100,11 +102,15 @@ pub(crate) fn open_file(scene: &mut Scene, asset: usize, path: &Path) -> Result<
                 }
             }
         }
+        "toml" if LeafDescription::is_one(path) => {
+            let shown = Shown { leaves: vec![SceneLeaf::load(path)?], ..Shown::default() };
+            *scene = Scene::built_in(&MeshChoice::Leaf, shown, [1.0; 2])?;
+        }
         "toml" => *scene = load_scene(path, Vec::new())?,
         "voltex" => *scene = volume_scene(path)?,
         _ => {
             return Err(ViewerError::Usage(format!(
-                "{}: drop an asset (.spmm), a mesh (.obj, .gltf, .glb), a picture of light (.hdr, .exr), a volume (.voltex) or a scene (.toml)",
+                "{}: drop an asset (.spmm), a mesh (.obj, .gltf, .glb), a picture of light (.hdr, .exr), a volume (.voltex), a leaf or a scene (.toml)",
                 path.display()
             )));
         }
@@ -157,6 +163,10 @@ mod tests {
         assert_eq!(scene.geometry.triangles().len(), 12);
         let lights = scene.lights.clone();
         let mut other = scene.clone();
+        open_file(&mut other, 0, &write("leaf.toml", b"[look]\nspecies = \"maize\"\n")).unwrap();
+        assert!(other.leaves.len() == 1 && other.assets.is_empty());
+        let wrong = open_file(&mut other, 0, &write("wrong.toml", b"[look]\nspecies = \"oak\"\n")).unwrap_err();
+        assert!(wrong.to_string().contains("species"), "{wrong}");
         let tree = include_bytes!("../scene/builtin/tree.voltex");
         open_file(&mut other, 0, &write("tree.voltex", tree)).unwrap();
         assert!(other.volumes.is_some() && other.sun.is_some() && other.assets.is_empty());

@@ -3,6 +3,8 @@
 
 // The volumes of landscapes, of the folder volumes.
 const VOLUMES = { lawn: ['lawn', 'lawn_flower'], grove: ['tree'], forest: ['forest'] };
+// A table that the description of a leaf has and that of a scene has not.
+const LEAF_TABLE = /^\s*\[(contents|gloss|look|variation)\]/m;
 const NO_WEBGPU = 'This needs WebGPU, which this browser does not have or has turned off; the picture is a still one.';
 
 let compiled;
@@ -121,18 +123,31 @@ export class BtfView extends HTMLElement {
     const all = [...files];
     // What a file names is there before it.
     const isNamed = (file) => !/\.(spmm|glb|gltf|obj|hdr|exr|toml|voltex)$/i.test(file.name);
-    const order = (file) => (isNamed(file) ? 0 : /\.(toml|gltf)$/i.test(file.name) ? 2 : 1);
+    // A leaf is there before the model that is made of it, a scene after all that it names.
+    const leaves = new Set();
+    for (const file of all) {
+      if (/\.toml$/i.test(file.name) && LEAF_TABLE.test(await file.text())) {
+        leaves.add(file);
+      }
+    }
+    const isScene = (file) => /\.toml$/i.test(file.name) && !leaves.has(file);
+    const order = (file) => {
+      if (isNamed(file) || leaves.has(file) && all.some(isScene)) {
+        return 0;
+      }
+      return leaves.has(file) ? 1 : isScene(file) || /\.gltf$/i.test(file.name) ? 3 : 2;
+    };
     all.sort((a, b) => order(a) - order(b));
     // Where nothing can be opened the viewer says so.
     const isLost = all.length > 0 && all.every(isNamed);
     for (const file of all) {
       const bytes = await file.arrayBuffer();
-      if (/\.spmm$/i.test(file.name) && !all.some((other) => order(other) === 2)) {
+      if (/\.spmm$/i.test(file.name) && !all.some((other) => order(other) === 3)) {
         this.#expand(file.name, bytes, at);
         continue;
       }
       this.#hand(file.name, bytes);
-      if (isLost || !isNamed(file) && !(order(file) === 1 && all.some((other) => order(other) === 2))) {
+      if (isLost || order(file) > 0 && !(order(file) === 2 && all.some((other) => order(other) === 3))) {
         this.#send({ kind: 'drop', name: file.name, ...at });
       }
     }

@@ -78,7 +78,10 @@ impl PageScene {
         if let Some(name) = &self.leaf {
             shown.leaves.push(leaf(name)?);
         }
-        if shown.assets.is_empty() && shown.leaves.is_empty() && self.scene.is_none() {
+        // A model's file says by itself what its objects are made of.
+        let is_model =
+            self.mesh.as_deref().map(MeshChoice::from_argument).is_some_and(|mesh| matches!(mesh, MeshChoice::File(_)));
+        if shown.assets.is_empty() && shown.leaves.is_empty() && self.scene.is_none() && !is_model {
             shown.assets.push(Arc::new(SceneAsset::built_in()));
         }
         Ok(shown)
