@@ -49,7 +49,7 @@ use btf_capture::toml_text::{bounded_text, line_and_reason};
 /// Largest description file in bytes.
 const MAX_DESCRIPTION_BYTES: u64 = 1 << 16;
 
-/// Tables of the file.
+/// Tables of the file, in its order.
 const TABLES: [&str; 4] = ["contents", "gloss", "look", "variation"];
 
 /// Keys of the file beside the [`LEAF_QUANTITIES`].
@@ -132,7 +132,7 @@ impl LeafDescription {
     fn to_toml(&self) -> Result<String, String> {
         let mut text = String::from("# A leaf: what it holds and how it looks. Every key may be left out.\n");
         // Writing to a string does not fail.
-        for section in ["contents", "gloss", "look", "variation"] {
+        for section in TABLES {
             let _ = writeln!(text, "\n[{section}]");
             let mut put = |key: &str, value: toml::Value| {
                 let _ = writeln!(text, "{key} = {value}");

@@ -29,7 +29,8 @@ const LIBRARY_HEAD: &str = "\
 //
 // which returns word `index` of a buffer with one or several assets in resident form (docs/reference/format.md, \"Resident
 // form\"), little-endian 32-bit words as they lie in memory. Functions take the number of an asset's first word there
-// as `base`, a multiple of 4. It may read from several bindings where a buffer is larger than one may be. Example: btf_queries.wgsl.
+// as `base`, a multiple of 4. It may read from several bindings where a buffer is larger than one may be. Example:
+// btf_queries.wgsl.
 //
 // Values are pi times BRDF times |n.wi|: 1 is a white Lambertian lit at normal incidence. The cosine is inside; never
 // multiply by another one. `wi` points to the light and `wo` to the eye, unit vectors in the frame of tangent,

@@ -58,3 +58,18 @@ pub(crate) fn channel_words(bases: usize) -> usize {
     let most = (least + least / 8).min(MAX_CHANNEL_WORDS);
     if padded <= most { padded } else { least }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_whole_quads_where_that_takes_little_more() {
+        let cases = [(0, 0), (1, 1), (7, 4), (25, 13), (44, 24), (45, 24), (82, 44), (85, 44), (128, 64), (129, 65)];
+        assert_eq!(cases.map(|(bases, _)| channel_words(bases)), cases.map(|(_, words)| words));
+        for bases in 0..=1 + MAX_COMPONENTS {
+            let (least, words) = (bases.div_ceil(2), channel_words(bases));
+            assert!((least..=MAX_CHANNEL_WORDS).contains(&words) && 8 * words <= 9 * least, "{bases}");
+        }
+    }
+}

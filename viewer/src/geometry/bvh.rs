@@ -153,9 +153,8 @@ impl Geometry {
 }
 
 impl Geometry {
-    /// Returns the entries of the stack that rays take at most from any of these nodes on, in multiples of 32, so that
-    /// scenes seldom differ in them. `tops` are where the
-    /// hierarchies over instances begin. Cost: a pass over the nodes.
+    /// Returns the entries of the stack that rays take at most, in multiples of 32, so that scenes seldom differ in them. `tops`
+    /// are the nodes where the hierarchies over instances begin. Cost: a pass over the nodes.
     pub(crate) fn stack_entries(&self, tops: &[u32]) -> usize {
         let nodes = self.nodes();
         let mut heights = vec![0usize; nodes.len()];
@@ -164,11 +163,9 @@ impl Geometry {
             let BvhNode { first, count: 0, .. } = nodes[number] else { continue };
             heights[number] = 1 + heights[first as usize].max(heights[first as usize + 1]);
         }
-        let highest =
-            |roots: &mut dyn Iterator<Item = u32>| roots.map(|root| heights[root as usize]).max().unwrap_or(0);
-        let of_instances = highest(&mut tops.iter().copied());
-        let of_meshes = highest(&mut self.instances().iter().map(|instance| instance.root));
-        (of_instances + of_meshes).max(1).next_multiple_of(32)
+        let of_instances = tops.iter().map(|top| heights[*top as usize]).max();
+        let of_meshes = self.instances().iter().map(|instance| heights[instance.root as usize]).max();
+        (of_instances.unwrap_or(0) + of_meshes.unwrap_or(0)).max(1).next_multiple_of(32)
     }
 }
 

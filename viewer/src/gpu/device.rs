@@ -292,8 +292,7 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Makes the module of a shader of ours, whose loops all end: without counters that end them, for which a GPU takes a tenth to
-    /// a fifth of the time of a picture.
+    /// Makes the module of a shader of ours, whose loops all end: without the counters by which wgpu ends them.
     pub(crate) fn shader_module(&self, label: &str, wgsl: String) -> wgpu::ShaderModule {
         let descriptor =
             wgpu::ShaderModuleDescriptor { label: Some(label), source: wgpu::ShaderSource::Wgsl(wgsl.into()) };

@@ -1,8 +1,10 @@
 //! The shader texts, joined as plain text in a fixed order.
 
 use crate::geometry::bvh::STACK;
+use crate::geometry::geometry::Geometry;
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::pieces::{ASSETS, ASSETS_IN_QUADS, NODES, PieceLayout, TRIANGLES, VERTICES};
+use crate::scene::scene::Scene;
 use std::collections::HashMap;
 
 pub(super) const SCENE: &str = include_str!("../shaders/scene.wgsl");
@@ -99,6 +101,20 @@ impl ModuleLayout {
         stack: STACK,
         volumes: true,
     };
+
+    /// Returns the layout for a scene where no array is cut. `tops` are the nodes where hierarchies over instances begin in
+    /// `geometry`, which has the proxies of volumes behind what the scene has.
+    pub(crate) fn of_scene(scene: &Scene, tracer: GpuTracer, geometry: &Geometry, tops: &[u32]) -> ModuleLayout {
+        ModuleLayout {
+            quads: scene.assets.iter().any(|asset| asset.head().has_even_rows()),
+            stack: match tracer {
+                GpuTracer::Bvh => geometry.stack_entries(tops),
+                GpuTracer::RayQuery => STACK,
+            },
+            volumes: scene.volumes.is_some(),
+            ..ModuleLayout::WHOLE
+        }
+    }
 
     /// Tells whether a module of this layout also serves where `needed` would do.
     pub(crate) fn serves(self, needed: ModuleLayout) -> bool {

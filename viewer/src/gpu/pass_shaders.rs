@@ -3,6 +3,7 @@
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::modules::{ModuleLayout, trace_module};
 use crate::gpu::pipeline_constants::PipelineConstants;
+use crate::gpu::structure::with_proxies;
 use crate::gpu::tracer::passes_of;
 use crate::options::{DecoderForm, ShadeOptions};
 use crate::scene::scene::Scene;
@@ -19,7 +20,8 @@ pub struct PassShader {
 /// Returns the WGSL module that draws `scene` where no array is cut, and its passes, each once. With
 /// [`GpuTracer::RayQuery`] the text is of wgpu's dialect.
 pub fn pass_shaders(scene: &Scene, options: &ShadeOptions, tracer: GpuTracer) -> (String, Vec<PassShader>) {
-    let layout = ModuleLayout { volumes: scene.volumes.is_some(), ..ModuleLayout::WHOLE };
+    let (geometry, volume_root) = with_proxies(scene);
+    let layout = ModuleLayout::of_scene(scene, tracer, &geometry, &[geometry.root(), volume_root]);
     let constants = PipelineConstants::of(scene, options, DecoderForm::default());
     let mut passes: Vec<PassShader> = Vec::new();
     for pass in passes_of(scene, options) {

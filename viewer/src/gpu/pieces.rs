@@ -105,8 +105,8 @@ pub(crate) const ASSETS: PieceArray = PieceArray {
     ty: "u32",
     readers: &[Reader::new("asset_word", "[AT]", "u32")],
 };
-/// The same for assets whose rows are read in quads: a quad is one read then, and a single word takes more than in [`ASSETS`].
-/// The cut counts words here, too.
+/// The assets' words where rows are read in quads: a quad is one read, and a single word takes more than in [`ASSETS`]. The cut
+/// counts words.
 pub(crate) const ASSETS_IN_QUADS: PieceArray = PieceArray {
     ty: "vec4<u32>",
     readers: &[

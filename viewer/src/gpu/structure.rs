@@ -2,7 +2,6 @@
 //! acceleration structure over them.
 
 use crate::error::ViewerError;
-use crate::geometry::bvh::STACK;
 use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::Geometry;
 use crate::gpu::acceleration_structure::acceleration_structure;
@@ -12,6 +11,7 @@ use crate::gpu::layout::{bind, structure_layout};
 use crate::gpu::modules::ModuleLayout;
 use crate::gpu::pieces::{NODES, PieceLayout, Pieces, TRIANGLES, VERTICES};
 use crate::scene::scene::Scene;
+use std::borrow::Cow;
 use wgpu::BufferUsages;
 
 /// The arrays of a scene's geometry, and behind it of its volumes' proxies.
@@ -48,22 +48,15 @@ impl Structure {
         tracer: GpuTracer,
         assets: PieceLayout,
     ) -> Result<Structure, ViewerError> {
-        let with_proxies = scene.volumes.as_ref().map(|volumes| scene.geometry.followed_by(volumes.proxies()));
-        let (geometry, volume_root) = with_proxies
-            .as_ref()
-            .map_or((&*scene.geometry, scene.geometry.root()), |(geometry, root)| (geometry, *root));
+        let (geometry, volume_root) = with_proxies(scene);
+        let geometry = &*geometry;
         let arrays = Arrays::new(gpu, geometry, tracer)?;
         let cut = ModuleLayout {
             assets,
             vertices: arrays.vertices.layout,
             triangles: arrays.triangles.layout,
             nodes: arrays.nodes.as_ref().map_or(PieceLayout::WHOLE, |nodes| nodes.layout),
-            quads: scene.assets.iter().any(|asset| asset.head().has_even_rows()),
-            stack: match tracer {
-                GpuTracer::Bvh => geometry.stack_entries(&[geometry.root(), volume_root]),
-                GpuTracer::RayQuery => STACK,
-            },
-            volumes: scene.volumes.is_some(),
+            ..ModuleLayout::of_scene(scene, tracer, geometry, &[geometry.root(), volume_root])
         };
         check_pieces(gpu, &cut)?;
         let layout = structure_layout(gpu, tracer, cut);
@@ -137,6 +130,18 @@ impl Arrays {
         let (tlas, blas) = acceleration_structure(gpu, geometry, scene, vertices)?;
         resources.push((0, tlas.as_binding()));
         Ok((bind(gpu, layout, &resources), blas))
+    }
+}
+
+/// Returns the geometry that rays meet, with the proxies of the scene's volumes, and the node where the hierarchy over those begins;
+/// the scene's root where there are none.
+pub(crate) fn with_proxies(scene: &Scene) -> (Cow<'_, Geometry>, u32) {
+    match &scene.volumes {
+        Some(volumes) => {
+            let (geometry, root) = scene.geometry.followed_by(volumes.proxies());
+            (Cow::Owned(geometry), root)
+        }
+        None => (Cow::Borrowed(&*scene.geometry), scene.geometry.root()),
     }
 }
 

@@ -79,6 +79,8 @@ fn constant(module: &naga::Module, name: &str) -> Option<naga::Literal> {
 #[test]
 fn every_module_is_valid_with_exactly_the_capabilities_that_we_ask_for() {
     validate(&trace_module(GpuTracer::Bvh, ModuleLayout::WHOLE), PORTABLE).unwrap();
+    let enough = ModuleLayout { quads: true, stack: 64, ..CUT };
+    assert!(enough.serves(CUT) && !CUT.serves(enough) && !enough.serves(ModuleLayout { volumes: true, ..CUT }));
     let cut = trace_module(GpuTracer::Bvh, CUT);
     validate(&cut, PORTABLE).unwrap();
     assert!(cut.contains("const BVH_STACK: u32 = 32u;") && !cut.contains("const BVH_STACK: u32 = 80u;"));

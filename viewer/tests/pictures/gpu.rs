@@ -22,6 +22,7 @@ fn asset(seed: u64, kind: ResidualKind) -> Asset {
 #[test]
 fn gpu_decodes_100_000_samples_like_the_cpu() {
     let Some(gpu) = gpu("gpu_decodes_100_000_samples_like_the_cpu") else { return };
+    let tracers = tracers("gpu_decodes_100_000_samples_like_the_cpu");
     const SAMPLES: usize = 100_000;
     for (seed, kind, role, with_heights, packed) in [
         (1, ResidualKind::Additive, LobeRole::Base, false, false),
@@ -59,7 +60,7 @@ fn gpu_decodes_100_000_samples_like_the_cpu() {
                 queries.iter().map(|q| decode(resident, q.layer, q.texel, q.wi, q.wo, options)).collect()
             };
             let expected = cpu(&resident, &options);
-            for tracer in tracers("gpu_decodes_100_000_samples_like_the_cpu") {
+            for &tracer in &tracers {
                 let found = gpu_decode(&gpu, tracer, &resident, &options, &queries).unwrap();
                 let worst = expected.iter().zip(&found).map(|(a, b)| difference(a, b)).fold(0.0, f32::max);
                 println!("{kind:?} {role:?} {interpolation:?} {}: worst {worst:.4} of the tolerance", tracer.name());
@@ -191,18 +192,21 @@ fn primitive_differences(scene: &Scene, a: &Rendered, b: &Rendered) -> (usize, u
     differences
 }
 
-/// Share of pixels that may lie on an edge within rounding; of 19,200 an H200 had 45 in the Cornell box, lavapipe has none.
-const EDGE_SHARE: usize = 300;
+/// Share of pixels that may lie on an edge within rounding, on a processor and on a GPU, which fuses other products: of 19,200
+/// an H200 had 45 in the Cornell box.
+const EDGE_SHARE: usize = 500;
+const EDGE_SHARE_OF_A_GPU: usize = 300;
 
 #[test]
 fn ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel() {
-    let Some(_gpu) = gpu("ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel") else { return };
+    let Some(gpu) = gpu("ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel") else { return };
+    let tracers = tracers("ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel");
+    let is_software = gpu.device.adapter_info().device_type == wgpu::DeviceType::Cpu;
+    let edge_share = if is_software { EDGE_SHARE } else { EDGE_SHARE_OF_A_GPU };
     for mesh in [MeshChoice::Sphere, MeshChoice::Plane, MeshChoice::Cornell] {
         let scene = scene(mesh.clone());
         let cpu = draw(&scene, BackendChoice::Cpu, 1);
-        let traced = tracers("ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel")
-            .into_iter()
-            .map(|tracer| (tracer.name(), draw(&scene, BackendChoice::Gpu(tracer), 1)));
+        let traced = tracers.iter().map(|tracer| (tracer.name(), draw(&scene, BackendChoice::Gpu(*tracer), 1)));
         let drawn: Vec<_> = traced.chain([("cpu", cpu)]).collect();
         assert!(drawn[0].1.hits.iter().any(|hit| hit.primitive != NO_HIT));
         let pairs = (0..drawn.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
@@ -210,14 +214,14 @@ fn ray_query_bvh_and_cpu_agree_on_the_hit_primitive_of_every_pixel() {
             let name = format!("{b_name}, {a_name}");
             let (edges, faults) = primitive_differences(&scene, a, b);
             println!("{mesh:?}, {name}: {edges} edge pixels differ, {faults} pixels elsewhere");
-            assert!(edges <= a.hits.len() / EDGE_SHARE && faults == 0, "{mesh:?}, {name}");
+            assert!(edges <= a.hits.len() / edge_share && faults == 0, "{mesh:?}, {name}");
         }
         // Planted difference: a camera that is half a pixel further.
         let mut moved = scene.clone();
         moved.camera.pan(0.5 / 120.0, 0.0);
         let (edges, faults) =
             primitive_differences(&scene, &drawn[0].1, &draw(&moved, BackendChoice::Gpu(GpuTracer::Bvh), 1));
-        assert!(edges > drawn[0].1.hits.len() / EDGE_SHARE || faults > 0, "{mesh:?}");
+        assert!(edges > drawn[0].1.hits.len() / edge_share || faults > 0, "{mesh:?}");
     }
 }
 
@@ -229,12 +233,13 @@ fn picture_differences(a: &Rendered, b: &Rendered) -> usize {
 #[test]
 fn gpu_pictures_equal_the_cpu_picture() {
     let Some(_gpu) = gpu("gpu_pictures_equal_the_cpu_picture") else { return };
+    let tracers = tracers("gpu_pictures_equal_the_cpu_picture");
     for mesh in [MeshChoice::Sphere, MeshChoice::Cornell] {
         let scene = scene(mesh.clone());
         let cpu = draw(&scene, BackendChoice::Cpu, 2);
         assert!(cpu.report.spmm_evaluations > 0 && cpu.report.rays > 0);
         let allowed = cpu.hits.len() / 200;
-        for tracer in tracers("gpu_pictures_equal_the_cpu_picture") {
+        for &tracer in &tracers {
             let found = draw(&scene, BackendChoice::Gpu(tracer), 2);
             let differences = picture_differences(&cpu, &found);
             println!("{mesh:?}, {}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
@@ -308,6 +313,7 @@ fn traced_paths_are_the_cpus() {
 #[test]
 fn a_surrounding_picture_lights_as_on_the_cpu() {
     let Some(_gpu) = gpu("a_surrounding_picture_lights_as_on_the_cpu") else { return };
+    let tracers = tracers("a_surrounding_picture_lights_as_on_the_cpu");
     let mut scene = scene(MeshChoice::Sphere);
     let mut rgb = vec![0.3; 64 * 32 * 3];
     rgb[(8 * 64 + 20) * 3..][..3].copy_from_slice(&[400.0, 300.0, 200.0]);
@@ -320,7 +326,7 @@ fn a_surrounding_picture_lights_as_on_the_cpu() {
         };
         let cpu = picture(&scene, BackendChoice::Cpu);
         let allowed = cpu.hits.len() / 100;
-        for tracer in tracers("a_surrounding_picture_lights_as_on_the_cpu") {
+        for &tracer in &tracers {
             let differences = picture_differences(&cpu, &picture(&scene, BackendChoice::Gpu(tracer)));
             println!("{mode:?}, {}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
             assert!(differences <= allowed, "{mode:?} {}: {differences}", tracer.name());

@@ -21,9 +21,14 @@ fn is_left_out(what: &str, switch: &str) -> bool {
     left_out
 }
 
-/// The tracers that test `test` draws with: both, or the compute hierarchy alone.
+/// Whether ray queries are left out of test `test` on purpose; says so, as [`gpu_is_left_out`].
+pub fn ray_query_is_left_out(test: &str) -> bool {
+    is_left_out(&format!("{test} by ray queries"), "BTF_SKIP_RAY_QUERY")
+}
+
+/// The tracers that test `test` draws with: both, or the compute hierarchy alone. Every call says what is left out.
 pub fn tracers(test: &str) -> Vec<GpuTracer> {
-    if is_left_out(&format!("{test} by ray queries"), "BTF_SKIP_RAY_QUERY") {
+    if ray_query_is_left_out(test) {
         return vec![GpuTracer::Bvh];
     }
     vec![GpuTracer::RayQuery, GpuTracer::Bvh]

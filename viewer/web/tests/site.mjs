@@ -1,5 +1,6 @@
 // A server for the page and a browser that opens it. `cargo xtask test` sets BTF_WEB_PAGE to the page's folder, BTF_WEB_PACKAGE to
-// btf-runtime's, BTF_WEB_PICTURES to one for pictures, BTF_VIEW, BTF_FIT and BTF_SYNTH to the programs. three.js is beside playwright-core.
+// btf-runtime's, BTF_WEB_PICTURES to one for pictures, BTF_VIEW, BTF_FIT and BTF_SYNTH to the programs. three.js is beside
+// playwright-core.
 
 import { execFile } from 'node:child_process';
 import { readFile } from 'node:fs/promises';

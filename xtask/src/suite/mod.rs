@@ -30,9 +30,9 @@ Usage: cargo xtask test [--quick]
 
   --quick   the tier for every edit: no GPU, no integration tests, no docs (under 5 minutes)
 
-BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_PEERS=1 the comparisons with Mitsuba, the Python module and what
-shader compilers say, BTF_SKIP_VALGRIND=1 the C interface under valgrind, BTF_SKIP_WEB=1 the package for browsers; all are counted as skipped. A program that is
-not there and cannot be installed (a C compiler, valgrind, Node.js, Python) leaves out what needs it, which is counted as
+BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_RAY_QUERY=1 those by ray queries, which an adapter may lack,
+BTF_SKIP_PEERS=1 the comparisons with Mitsuba, the Python module and what shader compilers say, BTF_SKIP_VALGRIND=1 the C
+interface under valgrind, BTF_SKIP_WEB=1 the package for browsers; all are counted as skipped. A program that is not there and cannot be installed (a C compiler, valgrind, Node.js, Python) leaves out what needs it, which is counted as
 skipped, too; in CI, where CI or BTF_CI is set, that is a failure. BTF_PEERS_PYTHON names a Python that has Mitsuba and
 maturin already. BTF_DATA names the folder of the measured data, without which the tests that use it are skipped.
 
