@@ -17,12 +17,13 @@ pub(super) struct Step {
     pub run: fn(&GpuBenchParams, Rows) -> Result<(), ViewerError>,
 }
 
-/// The steps. Compilers of drivers take tens of seconds for our shaders when they meet them first, so no deadline is short.
+/// The steps. Compilers of drivers take tens of seconds for our shaders when they meet them first, so no deadline is short;
+/// software drivers take half a minute for each shader that counts.
 pub(super) const STEPS: [Step; 14] = [
     Step { name: "adapter", deadline_s: 30, in_quick_runs: true, run: adapter::tell },
     Step { name: "roofline", deadline_s: 60, in_quick_runs: true, run: roofline::measure },
     Step { name: "parity-decode", deadline_s: 120, in_quick_runs: true, run: parity::compare_decoders },
-    Step { name: "operations", deadline_s: 60, in_quick_runs: true, run: operations::count },
+    Step { name: "operations", deadline_s: 240, in_quick_runs: true, run: operations::count },
     Step { name: "cornell", deadline_s: 120, in_quick_runs: true, run: frames::cornell },
     Step { name: "resolutions", deadline_s: 120, in_quick_runs: true, run: frames::resolutions },
     Step { name: "canopy", deadline_s: 120, in_quick_runs: false, run: canopies::canopy_of_the_paper },
