@@ -6,6 +6,7 @@ mod convert;
 mod expand;
 mod export_gltf;
 mod export_ktx2;
+mod export_mtlx;
 mod failure;
 mod fit;
 mod info;
@@ -41,6 +42,7 @@ enum Command {
     Trade(trade::TradeArgs),
     ExportGltf(export_gltf::ExportGltfArgs),
     ExportKtx2(export_ktx2::ExportKtx2Args),
+    ExportMtlx(export_mtlx::ExportMtlxArgs),
     Voltex(voltex::VoltexArgs),
 }
 
@@ -60,6 +62,7 @@ pub(crate) fn run(cli: Cli) -> Exit {
         Command::Trade(args) => trade::run(args, &cli.shared),
         Command::ExportGltf(args) => export_gltf::run(args, &cli.shared),
         Command::ExportKtx2(args) => export_ktx2::run(args, &cli.shared),
+        Command::ExportMtlx(args) => export_mtlx::run(args, &cli.shared),
         Command::Voltex(args) => voltex::run(args, &cli.shared),
     };
     match result {

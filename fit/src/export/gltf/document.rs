@@ -2,16 +2,14 @@
 //! `BTF_materials_spmm` and has, for everyone else, the textures of a fitted glTF material. docs/reference/gltf.md specifies it.
 
 use crate::error::FitError;
-use crate::export::gltf::fit::{GltfFit, Maps, PairList, TriedPart, fit_gltf, front_layer, transmission_layer};
+use crate::export::gltf::fit::{GltfFit, Maps, TriedPart, fit_gltf};
 use crate::export::gltf::textures::{GltfImage, GltfTextures};
+use crate::export::pairs::{front_layer, psnr_db_at_pairs, transmission_layer};
 use crate::inspect::describe_resident::sides_of_resident;
 use crate::inspect::load::parallel;
-use crate::metrics::psnr_db_from_codes;
 use crate::monitor::Monitor;
-use btf_capture::Transfer;
 use btf_models::glb::{F32, GlbBuffer, INDICES, TRIANGLES, U16, VERTICES, escaped, glb_from};
 use btf_runtime::{Form, Levels, Resident, open, read_directory};
-use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::path::{Component, Path, PathBuf};
@@ -21,8 +19,6 @@ use std::sync::Arc;
 pub const EXTENSION: &str = "BTF_materials_spmm";
 /// Width of an asset that does not tell its physical size, in metres.
 const WIDTH_M: f32 = 0.1;
-/// Pairs at which a texel's error is measured.
-const MEASURED_PAIRS: usize = 96;
 /// Words of glTF: an image's wrapping and filters.
 const REPEAT: u32 = 10497;
 const LINEAR: u32 = 9729;
@@ -149,33 +145,16 @@ pub fn export_gltf(
     })
 }
 
-/// Measures the PSNR of the textures against `layer` in dB over all texels, each at some of the measured pairs, so that
-/// all pairs count alike.
+/// Measures the PSNR of the textures against `layer` in dB.
 fn measure(resident: &Resident, layer: u32, textures: &GltfTextures, monitor: &Monitor) -> Result<f64, FitError> {
-    let lists = PairList::split(resident, layer, MEASURED_PAIRS);
     let through = transmission_layer(resident) == Some(layer);
-    let texels = textures.width * textures.height;
-    let code = |x: f32| (255.0 * Transfer::Srgb.encoded_from_linear(x.min(1.0)) + 0.5) as i64;
-    let errors = (0..texels).into_par_iter().map_init(<[Vec<f32>; 3]>::default, |values, texel| {
-        if texel % textures.width == 0 {
-            monitor.report("measure", texel, texels)?;
-        }
-        let list = &lists[(texel + texel / textures.width) % lists.len()];
+    psnr_db_at_pairs(resident, layer, [textures.width, textures.height], monitor, |texel| {
         let material = textures.texel(texel);
-        list.decode(resident, layer, texel, values);
-        let mut sum = 0u64;
-        for (pair, [wi, wo]) in list.directions.iter().enumerate() {
-            let shown = match through {
-                true => material.transmitted(wi[2].abs()),
-                false => material.reflected(textures.sheen(), *wi, *wo),
-            };
-            (0..3).for_each(|c| sum += (code(shown[c]) - code(values[c][pair])).pow(2) as u64);
+        move |wi: [f32; 3], wo| match through {
+            true => material.transmitted(wi[2].abs()),
+            false => material.reflected(textures.sheen(), wi, wo),
         }
-        Ok([sum, 3 * list.directions.len() as u64])
-    });
-    let errors = errors.collect::<Result<Vec<[u64; 2]>, FitError>>()?;
-    let [error, samples] = [0, 1].map(|i| errors.iter().map(|of_texel| of_texel[i]).sum());
-    Ok(psnr_db_from_codes(error, samples))
+    })
 }
 
 fn metres(mm: f32) -> f64 {

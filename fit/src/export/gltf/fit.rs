@@ -7,10 +7,11 @@
 
 use crate::error::FitError;
 use crate::export::gltf::brdf::{Cosines, DIELECTRIC_F0, GltfTexel, Sheen, dot, ggx, half_vector, schlick};
+use crate::export::pairs::{PairList, front_layer, transmission_layer};
 use crate::input::pair_stride::stride_over_pairs;
 use crate::monitor::Monitor;
 use crate::stages::lasso::non_negative_weights;
-use btf_runtime::{DecodeOptions, LightRows, Resident, SurfaceSide, ViewedTexel, root};
+use btf_runtime::{Resident, root};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -119,25 +120,6 @@ pub fn fit_gltf(resident: &Resident, maps: Maps, monitor: &Monitor) -> Result<Gl
     Ok(GltfFit { width, height, texels, specular, sheen, transmission: transmission.is_some(), tried })
 }
 
-/// Returns the layer that is lit and seen from the front.
-///
-/// # Errors
-/// [`FitError::Params`] where there is none.
-pub fn front_layer(resident: &Resident) -> Result<u32, FitError> {
-    resident.layer_for_sides(0, SurfaceSide::Front, SurfaceSide::Front).ok_or_else(|| {
-        FitError::Params(
-            "no layer is lit and seen from the front, which a glTF material needs; fit a capture of the front as well"
-                .into(),
-        )
-    })
-}
-
-/// Returns the layer of transmission, seen from the front or else from the back.
-pub fn transmission_layer(resident: &Resident) -> Option<u32> {
-    let layer = |light, view| resident.layer_for_sides(0, light, view);
-    layer(SurfaceSide::Back, SurfaceSide::Front).or_else(|| layer(SurfaceSide::Front, SurfaceSide::Back))
-}
-
 /// Tries the model's parts one after the other; `error_of` tells a model's squared error.
 fn choose_model(
     maps: Maps,
@@ -180,50 +162,6 @@ fn choose_model(
         model = fuzzy;
     }
     Ok((model, tried))
-}
-
-/// Pairs of a layer's measured directions, those of one view together.
-#[derive(Clone)]
-pub struct PairList {
-    /// Unit vectors to light and eye, as the decoder takes them.
-    pub directions: Vec<[[f32; 3]; 2]>,
-}
-
-impl PairList {
-    /// Returns all measured pairs of `layer`, dealt into lists of about `count`, each over all views and lights alike.
-    pub fn split(resident: &Resident, layer: u32, count: usize) -> Vec<PairList> {
-        let (views, lights) = (resident.views(layer), resident.lights(layer));
-        let behind = |of: [f32; 3], back: bool| [of[0], of[1], if back { -of[2] } else { of[2] }];
-        let sides = |light: bool, view: bool| resident.layer_for_sides(0, light.into(), view.into()) == Some(layer);
-        let light_back = sides(true, true) || sides(true, false);
-        let view_back = sides(true, true) || sides(false, true);
-        let all = views.len() * lights.len();
-        let stride = if all > count { stride_over_pairs(all / count, lights.len()) } else { 1 };
-        let list = |first: usize| PairList {
-            directions: (first..all)
-                .step_by(stride)
-                .map(|pair| {
-                    let (view, light) = (views[pair / lights.len()], lights[pair % lights.len()]);
-                    [behind(light, light_back), behind(view, view_back)]
-                })
-                .collect(),
-        };
-        (0..stride).map(list).filter(|list| !list.directions.is_empty()).collect()
-    }
-
-    /// Writes what `texel` of `layer` decodes to at each pair into `out`: per channel `pi * BRDF * cosine`.
-    pub fn decode(&self, resident: &Resident, layer: u32, texel: usize, out: &mut [Vec<f32>; 3]) {
-        out.iter_mut().for_each(Vec::clear);
-        let options = DecodeOptions::default();
-        for of_view in self.directions.chunk_by(|a, b| a[1] == b[1]) {
-            let viewed = ViewedTexel::new(resident, layer, texel as u32, of_view[0][1], &options);
-            let mut rows = LightRows::default();
-            for [wi, _] in of_view {
-                let value = viewed.light(&mut rows, *wi);
-                (0..3).for_each(|c| out[c].push(value[c]));
-            }
-        }
-    }
 }
 
 /// Pairs with the quantities that do not depend on the normal, by component.

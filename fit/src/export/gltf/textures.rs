@@ -4,9 +4,8 @@
 use crate::error::FitError;
 use crate::export::gltf::brdf::{GltfTexel, Sheen};
 use crate::export::gltf::fit::GltfFit;
+use crate::export::png::{byte, number, png};
 use btf_capture::Transfer;
-use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
 
 /// A picture of one texture.
 #[derive(Debug, Clone, PartialEq)]
@@ -132,22 +131,8 @@ impl GltfTextures {
     /// # Errors
     /// If it is larger than PNG allows.
     pub fn png(&self, image: &GltfImage) -> Result<Vec<u8>, FitError> {
-        let mut bytes = Vec::new();
-        let colours = if image.channels == 4 { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
-        PngEncoder::new(&mut bytes)
-            .write_image(&image.samples, self.width as u32, self.height as u32, colours)
-            .map_err(|error| FitError::Params(format!("a texture could not be encoded as PNG ({error})")))?;
-        Ok(bytes)
+        png([self.width, self.height], image.channels, &image.samples)
     }
-}
-
-fn byte(x: f32) -> u8 {
-    // The cast saturates.
-    (255.0 * x + 0.5) as u8
-}
-
-fn number(byte: u8) -> f32 {
-    f32::from(byte) / 255.0
 }
 
 #[cfg(test)]

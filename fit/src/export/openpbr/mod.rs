@@ -1,0 +1,7 @@
+//! OpenPBR Surface materials with fitted textures (docs/reference/materialx.md).
+
+pub(crate) mod export;
+pub(crate) mod fit;
+pub(crate) mod materialx;
+pub(crate) mod model;
+pub(crate) mod textures;

@@ -1,0 +1,4 @@
+//! Files for other programs, judged by those programs.
+
+pub mod gltf_export;
+mod materialx_export;
