@@ -1,14 +1,14 @@
 //! MaterialX accepts an exported document, and its own renderer draws the values of the model that was fitted.
 //!
-//! `cargo xtask test` installs MaterialX beside Mitsuba under the target folder; its renderer needs OpenGL, which Xvfb gives.
+//! `cargo xtask test` installs MaterialX beside Mitsuba under the target folder; its renderer needs OpenGL in an X server.
 //! Without them these tests are skipped, and counted as such.
 
 use crate::mitsuba_peers::interpreter;
 use btf_fit::{MaterialXNames, OpenPbrFit, OpenPbrTexel, OpenPbrTextures, materialx_document};
 use serde_json::{Value, json};
-use std::io::Write;
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 /// Width and height of the pictures.
 const SIZE: usize = 12;
@@ -43,28 +43,55 @@ fn write_material(folder: &Path, name: &str, texel: OpenPbrTexel) -> (PathBuf, O
     (path, textures.texel(0))
 }
 
-/// Asks MaterialX to validate a document and to draw a plane under lights; `None` where it is not there.
-fn draw(document: &Path, material: &str, lights: &[[f64; 3]]) -> Option<Value> {
+/// An X server without a screen, which ends with its owner.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    /// Starts the server; `None` where there is none.
+    fn open() -> Option<Display> {
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "640x480x24", "-nolisten", "tcp", "-noreset"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .ok()?;
+        let mut number = String::new();
+        BufReader::new(server.stdout.take()?).read_line(&mut number).ok()?;
+        Some(Display { server, name: format!(":{}", number.trim()) })
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// Python with MaterialX and a display for its renderer; `None` with a line for the skip count where one is missing.
+fn renderer() -> Option<(PathBuf, Display)> {
     let python = interpreter()?;
-    let display = std::env::var_os("DISPLAY").is_some();
-    if !display && Command::new("xvfb-run").arg("--help").output().is_err() {
-        btf_tests::absent("MaterialX's renderer needs a display (Debian: apt-get install xvfb)");
-        return None;
+    let display = Display::open();
+    if display.is_none() {
+        btf_tests::absent("MaterialX's renderer needs Xvfb (Debian: apt-get install xvfb)");
     }
-    let mut command = match display {
-        true => Command::new(&python),
-        false => Command::new("xvfb-run"),
-    };
-    if !display {
-        command.arg("-a").arg(&python);
-    }
+    Some((python, display?))
+}
+
+/// Asks MaterialX to validate a document and to draw a plane under lights.
+fn draw((python, display): &(PathBuf, Display), document: &Path, material: &str, lights: &[[f64; 3]]) -> Value {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/materialx/render_plane.py");
     let query = json!({ "document": document, "material": material, "lights": lights, "size": SIZE });
-    let mut child = command.arg(script).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("Python starts");
+    let mut command = Command::new(python);
+    command.arg(script).env("DISPLAY", &display.name).stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut child = command.spawn().expect("Python starts");
     child.stdin.take().unwrap().write_all(query.to_string().as_bytes()).expect("the query is written");
     let output = child.wait_with_output().expect("the answer is read");
     assert!(output.status.success(), "MaterialX's script failed: {}", output.status);
-    Some(serde_json::from_slice(&output.stdout).expect("the answer is JSON"))
+    serde_json::from_slice(&output.stdout).expect("the answer is JSON")
 }
 
 fn vector(value: &Value) -> [f32; 3] {
@@ -93,6 +120,7 @@ fn direction(theta_deg: f64, phi_deg: f64) -> [f64; 3] {
 
 #[test]
 fn materialx_draws_the_model_that_was_fitted() {
+    let Some(renderer) = renderer() else { return };
     let folder = tempfile::tempdir().unwrap();
     let lights = [direction(0.0, 0.0), direction(40.0, 25.0), direction(65.0, 160.0), direction(50.0, 290.0)];
     let plain = OpenPbrTexel {
@@ -123,7 +151,7 @@ fn materialx_draws_the_model_that_was_fitted() {
         OpenPbrTexel { fuzz: 0.6, fuzz_colour: [0.2, 0.4, 0.9], fuzz_roughness: 0.6, normal: [0.1, 0.05], ..coated };
     for (name, texel) in [("plain", plain), ("turned", turned), ("coated", coated), ("fuzzy", fuzzy)] {
         let (document, read) = write_material(folder.path(), name, texel);
-        let Some(answer) = draw(&document, &format!("M_{name}"), &lights) else { return };
+        let answer = draw(&renderer, &document, &format!("M_{name}"), &lights);
         assert_eq!(answer["complaints"], "");
         let largest = largest_difference(&answer, &read, &lights);
         println!("{name}: {largest:.5}");
@@ -138,12 +166,13 @@ fn materialx_draws_the_model_that_was_fitted() {
 
 #[test]
 fn the_validator_accepts_all_parts_and_rejects_a_broken_document() {
+    let Some(renderer) = renderer() else { return };
     let folder = tempfile::tempdir().unwrap();
     let texel = OpenPbrTexel { coat: 0.5, fuzz: 0.5, ..OpenPbrTexel::PLAIN };
     let (document, _) = write_material(folder.path(), "all", texel);
     let lights = [direction(0.0, 0.0)];
     // The second material, a Standard Surface, is drawn, too.
-    let Some(answer) = draw(&document, "M_all_standard", &lights) else { return };
+    let answer = draw(&renderer, &document, "M_all_standard", &lights);
     assert_eq!(answer["complaints"], "");
     let text = std::fs::read_to_string(&document).unwrap();
     assert!(
@@ -154,6 +183,6 @@ fn the_validator_accepts_all_parts_and_rejects_a_broken_document() {
     assert!(middle.iter().all(|x| *x > 0.3), "{middle:?}");
     // Planted: an output that is not there.
     std::fs::write(&document, text.replacen("output=\"base_color_out\"", "output=\"base_colour_out\"", 1)).unwrap();
-    let answer = draw(&document, "M_all", &lights).unwrap();
+    let answer = draw(&renderer, &document, "M_all", &lights);
     assert!(answer["complaints"].as_str().unwrap().contains("base_color"), "{answer}");
 }
