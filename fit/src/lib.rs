@@ -7,6 +7,7 @@
 //! Asset --expand--> capture folder
 //! Capture --trade--> bytes, error and time over a grid of settings
 //! Asset --export_materialx--> OpenPBR Surface with textures, as a MaterialX document
+//! Asset --export_usd--> the same and UsdPreviewSurface, as an OpenUSD layer or package
 //! Asset --export_ktx2--> planes and bases as KTX2 textures
 //! Asset --fit_gltf--> textures of a glTF material --export_gltf--> .glb that points at the asset
 //! ```
@@ -41,11 +42,12 @@ pub use export::gltf::fit::{GltfFit, MIN_SAVED, Maps, TriedPart, fit_gltf};
 pub use export::gltf::textures::{GltfImage, GltfTextures};
 pub use export::ktx2::file::{Ktx2Array, Ktx2Format};
 pub use export::ktx2::planes::{KTX2_KEY, Ktx2Export, export_ktx2};
-pub use export::openpbr::export::{MaterialXExport, export_materialx};
+pub use export::openpbr::export::{MaterialXExport, OpenPbrFigures, export_materialx};
 pub use export::openpbr::fit::{OpenPbrFit, fit_openpbr};
 pub use export::openpbr::materialx::{MaterialXNames, materialx_document};
 pub use export::openpbr::model::OpenPbrTexel;
 pub use export::openpbr::textures::{OpenPbrTexture, OpenPbrTextures};
+pub use export::usd::export::{UsdExport, export_usd};
 pub use input::layer_frame::{capture_directions, layer_directions, side_of_layer, sides_of_capture};
 pub use input::tile_cache::{Mapping, Tile, TileCache};
 pub use inspect::convert::{Shape, convert};

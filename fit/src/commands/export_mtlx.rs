@@ -1,12 +1,13 @@
 //! `btf-fit export-mtlx`.
 
 use super::failure::Failure;
+use super::maps::{MapsArg, line_of_part};
 use super::options::Shared;
 use super::output::{check_distinct, check_file, tell};
 use super::progress;
 use btf_capture::write_file_atomically;
-use btf_fit::{AssetPlace, Maps, MaterialXExport, export_materialx, read_file, text_from_bytes, with_path};
-use clap::{Args, ValueEnum};
+use btf_fit::{AssetPlace, MaterialXExport, export_materialx, read_file, text_from_bytes, with_path};
+use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -35,14 +36,6 @@ pub(super) struct ExportMtlxArgs {
     json: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum MapsArg {
-    /// Coat and fuzz where they save a twentieth of the squared error
-    Auto,
-    /// Coat and fuzz always
-    All,
-}
-
 /// Result that `export-mtlx --json` writes.
 #[derive(Debug, Serialize)]
 struct Exported<'a> {
@@ -69,16 +62,10 @@ pub(super) fn run(args: &ExportMtlxArgs, shared: &Shared) -> Result<(), Failure>
     if let Some(target) = &args.json {
         check_file(target, inputs)?;
     }
-    let AssetPlace::Uri(asset) = AssetPlace::beside(&args.asset, &args.out)? else {
-        return Err(Failure::Usage("a MaterialX document holds no asset".into()));
-    };
-    let maps = match args.maps {
-        MapsArg::Auto => Maps::Auto,
-        MapsArg::All => Maps::All,
-    };
+    let asset = AssetPlace::uri_beside(&args.asset, &args.out)?;
     let monitor = progress::monitor(shared, None)?;
-    let export =
-        export_materialx(bytes, stem, &asset, maps, &monitor).map_err(|error| with_path(&args.asset, error))?;
+    let export = export_materialx(bytes, stem, &asset, args.maps.into(), &monitor)
+        .map_err(|error| with_path(&args.asset, error))?;
     let folder = args.out.parent().unwrap_or(Path::new(""));
     let paths: Vec<PathBuf> = export.textures.iter().map(|(name, _)| folder.join(name)).collect();
     for path in &paths {
@@ -103,20 +90,17 @@ pub(super) fn run(args: &ExportMtlxArgs, shared: &Shared) -> Result<(), Failure>
 
 /// Returns the summary of an export for people.
 fn text(result: &Exported<'_>) -> String {
-    let export = result.export;
+    let figures = &result.export.figures;
     let mut lines = vec![format!(
         "{} and {} textures of {} x {} texels: {}",
         result.file,
         result.textures.len(),
-        export.width,
-        export.height,
+        figures.width,
+        figures.height,
         text_from_bytes(result.bytes as u64),
     )];
-    lines.extend(export.tried.iter().map(|part| {
-        let verdict = if part.used { "used" } else { "left out" };
-        format!("{:10} saves {:.1} % of the squared error, {verdict}", part.name, 100.0 * part.saved)
-    }));
-    lines.push(format!("OpenPBR    {:.2} dB against the asset (8-bit sRGB)", export.psnr_db));
-    lines.push(format!("glTF       {:.2} dB, the material of export-gltf --maps all", export.psnr_gltf_db));
+    lines.extend(figures.tried.iter().map(line_of_part));
+    lines.push(format!("OpenPBR    {:.2} dB against the asset (8-bit sRGB)", figures.psnr_db));
+    lines.push(format!("glTF       {:.2} dB, the material of export-gltf --maps all", figures.psnr_gltf_db));
     lines.join("\n")
 }

@@ -7,9 +7,11 @@ mod expand;
 mod export_gltf;
 mod export_ktx2;
 mod export_mtlx;
+mod export_usd;
 mod failure;
 mod fit;
 mod info;
+mod maps;
 mod options;
 mod output;
 mod progress;
@@ -43,6 +45,7 @@ enum Command {
     ExportGltf(export_gltf::ExportGltfArgs),
     ExportKtx2(export_ktx2::ExportKtx2Args),
     ExportMtlx(export_mtlx::ExportMtlxArgs),
+    ExportUsd(export_usd::ExportUsdArgs),
     Voltex(voltex::VoltexArgs),
 }
 
@@ -63,6 +66,7 @@ pub(crate) fn run(cli: Cli) -> Exit {
         Command::ExportGltf(args) => export_gltf::run(args, &cli.shared),
         Command::ExportKtx2(args) => export_ktx2::run(args, &cli.shared),
         Command::ExportMtlx(args) => export_mtlx::run(args, &cli.shared),
+        Command::ExportUsd(args) => export_usd::run(args, &cli.shared),
         Command::Voltex(args) => voltex::run(args, &cli.shared),
     };
     match result {

@@ -52,7 +52,7 @@ fn complaints(packages: &Path, file: &Path) -> Vec<Value> {
 }
 
 /// Front and transmission towards the front, with a residual.
-fn two_layers() -> Asset {
+pub fn two_layers() -> Asset {
     let mut asset = sample_asset(5, 8, 6, ResidualKind::Root);
     let mut through = asset.layers[0].clone();
     (through.light_side, through.view_side) = (SurfaceSide::Back, SurfaceSide::Front);

@@ -2,3 +2,4 @@
 
 pub mod gltf_export;
 mod materialx_export;
+mod usd_export;

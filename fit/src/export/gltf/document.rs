@@ -34,12 +34,20 @@ pub enum AssetPlace {
 }
 
 impl AssetPlace {
-    /// Returns the address by which the file `glb` names the file `asset`, relative to itself and with characters
-    /// escaped that an address cannot hold. `glb` need not exist yet.
+    /// Returns the place [`AssetPlace::uri_beside`] names.
+    ///
+    /// # Errors
+    /// Those of [`AssetPlace::uri_beside`].
+    pub fn beside(asset: &Path, glb: &Path) -> Result<AssetPlace, FitError> {
+        AssetPlace::uri_beside(asset, glb).map(AssetPlace::Uri)
+    }
+
+    /// Returns the address by which the file `document` names the file `asset`, relative to itself and with characters
+    /// escaped that an address cannot hold. `document` need not exist yet.
     ///
     /// # Errors
     /// [`FitError::File`] where a folder of theirs cannot be found.
-    pub fn beside(asset: &Path, glb: &Path) -> Result<AssetPlace, FitError> {
+    pub fn uri_beside(asset: &Path, document: &Path) -> Result<String, FitError> {
         let real = |path: &Path| {
             std::fs::canonicalize(path).map_err(|source| FitError::File {
                 path: path.to_path_buf(),
@@ -48,13 +56,13 @@ impl AssetPlace {
                 remedy: "check the path",
             })
         };
-        let folder = glb.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = document.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let (asset, folder) = (real(asset)?, real(folder)?);
         let shared = asset.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
         let up = folder.components().skip(shared).map(|_| Component::ParentDir);
         let path: PathBuf = up.chain(asset.components().skip(shared)).collect();
         let parts = path.components().map(|part| part.as_os_str().to_string_lossy().into_owned());
-        Ok(AssetPlace::Uri(parts.map(|part| escaped(&part)).collect::<Vec<_>>().join("/")))
+        Ok(parts.map(|part| escaped(&part)).collect::<Vec<_>>().join("/"))
     }
 }
 
@@ -162,8 +170,8 @@ fn metres(mm: f32) -> f64 {
     format!("{mm}").parse::<f64>().unwrap_or(f64::from(mm)) / 1000.0
 }
 
-/// Returns the physical size of the quad in metres.
-fn size_m(size_mm: Option<[f32; 2]>, texels: [usize; 2]) -> [f32; 2] {
+/// Returns the physical size of the quad in metres; where it is not known, 0.1 m wide.
+pub fn size_m(size_mm: Option<[f32; 2]>, texels: [usize; 2]) -> [f32; 2] {
     match size_mm {
         Some(size) => size.map(|side| side / 1000.0),
         None => [WIDTH_M, WIDTH_M * texels[1] as f32 / texels[0] as f32],

@@ -1,7 +1,7 @@
 //! `export-mtlx`: an asset's OpenPBR material, its textures and figures about them.
 
 use crate::error::FitError;
-use crate::export::gltf::fit::{Maps, TriedPart, fit_gltf};
+use crate::export::gltf::fit::{GltfFit, Maps, TriedPart, fit_gltf};
 use crate::export::gltf::textures::GltfTextures;
 use crate::export::openpbr::fit::{OpenPbrFit, fit_openpbr};
 use crate::export::openpbr::materialx::{MaterialXNames, materialx_document};
@@ -13,15 +13,9 @@ use btf_runtime::{Levels, Resident, open, read_directory};
 use serde::Serialize;
 use std::sync::Arc;
 
-/// A MaterialX document with its textures, and figures about them.
+/// Figures about an asset's OpenPBR material.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct MaterialXExport {
-    /// Text of the document.
-    #[serde(skip)]
-    pub document: String,
-    /// Names of the textures, relative to the document, and their PNG files.
-    #[serde(skip)]
-    pub textures: Vec<(String, Vec<u8>)>,
+pub struct OpenPbrFigures {
     /// Texels a row of the textures.
     pub width: usize,
     /// Rows of the textures.
@@ -37,13 +31,66 @@ pub struct MaterialXExport {
     pub psnr_gltf_db: f64,
 }
 
+/// An asset's material in the terms of others.
+pub struct FittedSurface {
+    /// The asset.
+    pub resident: Resident,
+    /// The asset's checksum as 16 hexadecimal digits.
+    pub checksum: String,
+    /// The glTF material.
+    pub gltf: GltfFit,
+    /// The OpenPBR material's textures.
+    pub textures: OpenPbrTextures,
+    /// Figures about it.
+    pub figures: OpenPbrFigures,
+}
+
+/// Fits an OpenPBR material to the asset in `bytes`, of either form, and measures it.
+///
+/// # Errors
+/// A fault of the bytes; an asset without a front; Ctrl-C.
+pub fn fit_surface(bytes: Vec<u8>, maps: Maps, monitor: &Monitor) -> Result<FittedSurface, FitError> {
+    let bytes = Arc::new(bytes);
+    let directory = read_directory(&bytes)?;
+    let file = open(bytes, Levels::AtHand, &parallel)?;
+    let gltf = fit_gltf(&file.resident, Maps::All, monitor)?;
+    let fit = fit_openpbr(&file.resident, &gltf, maps, monitor)?;
+    let textures = OpenPbrTextures::new(&fit);
+    let psnr_db = measure(&file.resident, &textures, monitor)?;
+    let start = GltfTextures::new(&gltf);
+    let front = front_layer(&file.resident)?;
+    let psnr_gltf_db = psnr_db_at_pairs(&file.resident, front, [fit.width, fit.height], monitor, |texel| {
+        let (texel, sheen) = (start.texel(texel), start.sheen());
+        move |wi, wo| texel.reflected(sheen, wi, wo)
+    })?;
+    let OpenPbrFit { width, height, tried, .. } = fit;
+    let size_m = file.size_mm.map(|size| size.map(|side| side / 1000.0));
+    let figures = OpenPbrFigures { width, height, size_m, tried, psnr_db, psnr_gltf_db };
+    let checksum = format!("{:016x}", directory.checksum);
+    Ok(FittedSurface { resident: file.resident, checksum, gltf, textures, figures })
+}
+
+/// A MaterialX document with its textures, and figures about them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MaterialXExport {
+    /// Text of the document.
+    #[serde(skip)]
+    pub document: String,
+    /// Names of the textures, relative to the document, and their PNG files.
+    #[serde(skip)]
+    pub textures: Vec<(String, Vec<u8>)>,
+    /// Figures about the OpenPBR material.
+    #[serde(flatten)]
+    pub figures: OpenPbrFigures,
+}
+
 /// Fits an OpenPBR material to the asset in `bytes`, of either form. `stem` names the material and its textures, `asset` is
 /// the asset's address relative to the document.
 ///
 /// Deterministic: equal assets give equal files on any number of threads. Cost: that of [`fit_gltf`] and [`fit_openpbr`].
 ///
 /// # Errors
-/// A fault of the bytes; an asset without a front.
+/// A fault of the bytes; an asset without a front; Ctrl-C.
 pub fn export_materialx(
     bytes: Vec<u8>,
     stem: &str,
@@ -51,44 +98,16 @@ pub fn export_materialx(
     maps: Maps,
     monitor: &Monitor,
 ) -> Result<MaterialXExport, FitError> {
-    let bytes = Arc::new(bytes);
-    let directory = read_directory(&bytes)?;
-    let file = open(bytes, Levels::AtHand, &parallel)?;
-    let start = fit_gltf(&file.resident, Maps::All, monitor)?;
-    let fit = fit_openpbr(&file.resident, &start, maps, monitor)?;
-    let textures = OpenPbrTextures::new(&fit);
-    let psnr_db = measure(&file.resident, &textures, monitor)?;
-    let gltf = GltfTextures::new(&start);
-    let front = front_layer(&file.resident)?;
-    let psnr_gltf_db = psnr_db_at_pairs(&file.resident, front, [fit.width, fit.height], monitor, |texel| {
-        let texel = gltf.texel(texel);
-        let sheen = gltf.sheen();
-        move |wi, wo| texel.reflected(sheen, wi, wo)
-    })?;
-    let size_m = file.size_mm.map(|size| size.map(|side| side / 1000.0));
+    let FittedSurface { textures, checksum, figures, .. } = fit_surface(bytes, maps, monitor)?;
     let names = MaterialXNames {
         material: identifier(stem),
         textures: format!("{stem}_"),
         asset: asset.into(),
-        checksum: format!("{:016x}", directory.checksum),
-        size_m,
+        checksum,
+        size_m: figures.size_m,
     };
     let document = materialx_document(&textures, &names)?;
-    let files = textures
-        .textures
-        .iter()
-        .map(|texture| Ok((format!("{}{}.png", names.textures, texture.name), textures.png(texture)?)));
-    let OpenPbrFit { width, height, tried, .. } = fit;
-    Ok(MaterialXExport {
-        document,
-        textures: files.collect::<Result<_, FitError>>()?,
-        width,
-        height,
-        size_m,
-        tried,
-        psnr_db,
-        psnr_gltf_db,
-    })
+    Ok(MaterialXExport { document, textures: textures.files(&names.textures)?, figures })
 }
 
 /// Measures the textures against the front of the asset, in dB.
@@ -100,8 +119,8 @@ fn measure(resident: &Resident, textures: &OpenPbrTextures, monitor: &Monitor) -
     })
 }
 
-/// Returns a name of letters, digits and underscores, which MaterialX asks for.
-fn identifier(stem: &str) -> String {
+/// Returns a name of letters, digits and underscores, which MaterialX and USD ask for.
+pub fn identifier(stem: &str) -> String {
     let name: String = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     match name.starts_with(|c: char| c.is_ascii_digit()) || name.is_empty() {
         true => format!("_{name}"),
@@ -134,7 +153,7 @@ mod tests {
             assert!(front.document.contains(text), "{text}");
         }
         assert!(!front.document.contains("thin_walled"));
-        assert!(front.psnr_db > front.psnr_gltf_db - 1.0, "{} {}", front.psnr_db, front.psnr_gltf_db);
+        assert!(front.figures.psnr_db > front.figures.psnr_gltf_db - 1.0, "{:?}", front.figures);
         assert_eq!(export(&asset, Maps::All), front, "equal assets give equal files");
 
         let mut through = asset.layers[0].clone();

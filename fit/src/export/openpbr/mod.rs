@@ -2,6 +2,7 @@
 
 pub(crate) mod export;
 pub(crate) mod fit;
+pub(crate) mod graph;
 pub(crate) mod materialx;
 pub(crate) mod model;
 pub(crate) mod textures;

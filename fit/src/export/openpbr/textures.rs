@@ -107,6 +107,14 @@ impl OpenPbrTextures {
         read
     }
 
+    /// Returns the textures as PNG files, with names that start with `prefix`.
+    ///
+    /// # Errors
+    /// If they are larger than PNG allows.
+    pub fn files(&self, prefix: &str) -> Result<Vec<(String, Vec<u8>)>, FitError> {
+        self.textures.iter().map(|texture| Ok((format!("{prefix}{}.png", texture.name), self.png(texture)?))).collect()
+    }
+
     /// Returns a texture as a PNG file.
     ///
     /// # Errors

@@ -1,0 +1,28 @@
+//! `--maps` of the exports that fit OpenPBR.
+
+use btf_fit::{Maps, TriedPart};
+use clap::ValueEnum;
+
+/// Which optional parts to fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum MapsArg {
+    /// Coat and fuzz where they save a twentieth of the squared error
+    Auto,
+    /// Coat and fuzz always
+    All,
+}
+
+impl From<MapsArg> for Maps {
+    fn from(arg: MapsArg) -> Maps {
+        match arg {
+            MapsArg::Auto => Maps::Auto,
+            MapsArg::All => Maps::All,
+        }
+    }
+}
+
+/// Returns a line about a part that was tried.
+pub(super) fn line_of_part(part: &TriedPart) -> String {
+    let verdict = if part.used { "used" } else { "left out" };
+    format!("{:10} saves {:.1} % of the squared error, {verdict}", part.name, 100.0 * part.saved)
+}
