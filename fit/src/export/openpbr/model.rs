@@ -4,6 +4,7 @@
 //! Metal, transmission, thin films and what shines by itself are left out. Shading normals are not turned where they face
 //! away from the eye, which the specification does not ask for.
 
+use crate::export::openpbr::real::Real;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Reflectance of the coat at normal incidence, that of its index [`COAT_IOR`].
@@ -146,78 +147,84 @@ impl OpenPbrTexel {
 
     /// Returns what the layers reflect in channel `c`.
     #[inline(always)]
-    pub fn layered(&self, c: usize, base: &BaseValues, coat: &CoatValues, fuzz: &FuzzValues) -> f32 {
-        let diffuse = diffuse_of(self.base_colour[c], base);
+    pub fn layered<R: Real>(&self, c: usize, base: &BaseValues<R>, coat: &CoatValues<R>, fuzz: &FuzzValues<R>) -> R {
         let tint = 1.0 + (self.coat_colour[c] - 1.0) * self.coat;
-        let below = self.specular_colour[c] * base.gloss + base.kept * diffuse;
-        let coated = coat.gloss + coat.kept * tint * below;
-        self.fuzz_colour[c] * fuzz.value + fuzz.kept * coated
+        let diffuse = diffuse_of(self.base_colour[c], base);
+        let below = R::of(self.specular_colour[c]) * base.gloss + base.kept * diffuse;
+        let coated = coat.gloss + coat.kept * R::of(tint) * below;
+        R::of(self.fuzz_colour[c]) * fuzz.value + fuzz.kept * coated
     }
 }
 
 /// Returns what the diffuse base reflects with a colour.
 #[inline(always)]
-fn diffuse_of(colour: f32, base: &BaseValues) -> f32 {
+fn diffuse_of<R: Real>(colour: f32, base: &BaseValues<R>) -> R {
     let multiple = colour * colour * base.mean_albedo / (1.0 - colour * (1.0 - base.mean_albedo));
-    colour * base.single + multiple * base.multiple
+    R::of(colour) * base.single + R::of(multiple) * base.multiple
 }
 
-/// A pair of directions.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Pair {
+/// A pair of directions, or several side by side.
+#[derive(Debug, Clone, Copy)]
+pub struct Pair<R> {
     /// Unit vector to the light.
-    pub wi: [f32; 3],
+    pub wi: [R; 3],
     /// Unit vector to the eye.
-    pub wo: [f32; 3],
+    pub wo: [R; 3],
     /// Unit vector halfway between.
-    half: [f32; 3],
+    half: [R; 3],
     /// Cosine between eye and half vector.
-    cos_half: f32,
+    cos_half: R,
     /// Cosine between light and eye, at least 0.
-    cos_between: f32,
+    cos_between: R,
 }
 
-impl Pair {
+impl<R: Real> Pair<R> {
     /// Takes two unit vectors.
-    pub fn new(wi: [f32; 3], wo: [f32; 3]) -> Pair {
+    pub fn new(wi: [R; 3], wo: [R; 3]) -> Pair<R> {
         let sum = [0, 1, 2].map(|i| wi[i] + wo[i]);
-        let length = dot(sum, sum).sqrt().max(MIN_COS);
+        let length = dot(sum, sum).root().at_least(R::of(MIN_COS));
         let half = sum.map(|x| x / length);
-        Pair { wi, wo, half, cos_half: dot(wo, half).clamp(MIN_COS, 1.0), cos_between: dot(wi, wo).clamp(MIN_COS, 1.0) }
+        Pair {
+            wi,
+            wo,
+            half,
+            cos_half: dot(wo, half).within(MIN_COS, 1.0),
+            cos_between: dot(wi, wo).within(MIN_COS, 1.0),
+        }
     }
 }
 
 /// What the base has at a pair.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct BaseValues {
+#[derive(Debug, Clone, Copy)]
+pub struct BaseValues<R> {
     /// Gloss without its tint.
-    pub gloss: f32,
+    pub gloss: R,
     /// Share of the light that the gloss leaves to the diffuse base.
-    pub kept: f32,
+    pub kept: R,
     /// Factor of the diffuse colour: light that is scattered once.
-    pub single: f32,
+    pub single: R,
     /// Factor of the light that is scattered more than once.
-    pub multiple: f32,
+    pub multiple: R,
     /// Mean albedo of what is scattered once.
     pub mean_albedo: f32,
 }
 
 /// What the coat has at a pair.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct CoatValues {
+#[derive(Debug, Clone, Copy)]
+pub struct CoatValues<R> {
     /// Gloss, with its weight.
-    pub gloss: f32,
+    pub gloss: R,
     /// Share of the light that it leaves to the base.
-    pub kept: f32,
+    pub kept: R,
 }
 
 /// What the fuzz has at a pair.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct FuzzValues {
+#[derive(Debug, Clone, Copy)]
+pub struct FuzzValues<R> {
     /// Reflected by white fuzz, with its weight.
-    pub value: f32,
+    pub value: R,
     /// Share of the light that it leaves to what is below.
-    pub kept: f32,
+    pub kept: R,
 }
 
 /// The base of a texel: diffuse and glossy.
@@ -239,7 +246,7 @@ impl BaseLobe {
 
     /// Evaluates it at a pair.
     #[inline(always)]
-    pub fn at(&self, pair: &Pair) -> BaseValues {
+    pub fn at<R: Real>(&self, pair: &Pair<R>) -> BaseValues<R> {
         let (gloss, kept, light, eye) = self.gloss.at(pair);
         let (single, multiple) = self.diffuse.at(light, eye, pair.cos_between);
         BaseValues { gloss, kept, single, multiple, mean_albedo: self.diffuse.mean_albedo }
@@ -261,9 +268,10 @@ impl CoatLobe {
 
     /// Evaluates it at a pair.
     #[inline(always)]
-    pub fn at(&self, pair: &Pair) -> CoatValues {
+    pub fn at<R: Real>(&self, pair: &Pair<R>) -> CoatValues<R> {
         let (gloss, kept, ..) = self.gloss.at(pair);
-        CoatValues { gloss: gloss * self.weight, kept: 1.0 - (1.0 - kept) * self.weight }
+        let (one, weight) = (R::of(1.0), R::of(self.weight));
+        CoatValues { gloss: gloss * weight, kept: one - (one - kept) * weight }
     }
 }
 
@@ -317,19 +325,22 @@ impl Gloss {
 
     /// Returns what is reflected, the share that is left to what lies below, and the cosines of light and eye.
     #[inline(always)]
-    fn at(&self, pair: &Pair) -> (f32, f32, f32, f32) {
-        let light = dot(self.normal, pair.wi).clamp(MIN_COS, 1.0);
-        let eye = dot(self.normal, pair.wo).clamp(MIN_COS, 1.0);
-        let (a, b, c) = (dot(pair.half, self.x), dot(pair.half, self.y), dot(pair.half, self.normal));
-        let squares = a * a + b * b + c * c;
-        let slope = |cos: f32| (self.alpha2 + (1.0 - self.alpha2) * cos * cos).sqrt();
+    fn at<R: Real>(&self, pair: &Pair<R>) -> (R, R, R, R) {
+        let (one, alpha2) = (R::of(1.0), R::of(self.alpha2));
+        let light = dot(everywhere(self.normal), pair.wi).within(MIN_COS, 1.0);
+        let eye = dot(everywhere(self.normal), pair.wo).within(MIN_COS, 1.0);
+        let along = |axis| dot(pair.half, everywhere(axis));
+        let (x, y, z) = (along(self.x), along(self.y), along(self.normal));
+        let squares = x * x + y * y + z * z;
+        let slope = |cos: R| (alpha2 + (one - alpha2) * cos * cos).root();
         // pi D G2 / (4 eye), where G2 has the factor 2 light eye.
-        let shape = 0.5 * light / (self.alpha2 * squares * squares * (slope(light) * eye + slope(eye) * light));
-        let fresnel = dielectric(pair.cos_half, self.eta2);
+        let below = alpha2 * squares * squares * (slope(light) * eye + slope(eye) * light);
+        let shape = R::of(0.5) * light / below;
+        let fresnel = dielectric(pair.cos_half, R::of(self.eta2));
         let (part, grazing) = self.albedo.at(eye);
-        let single = (part + grazing).max(1e-3);
-        let more = 1.0 + fresnel * (1.0 - single) / single;
-        (shape * fresnel * more, 1.0 - (self.f0 * part + grazing) * more, light, eye)
+        let single = (part + grazing).at_least(R::of(1e-3));
+        let more = one + fresnel * (one - single) / single;
+        (shape * fresnel * more, one - (R::of(self.f0) * part + grazing) * more, light, eye)
     }
 }
 
@@ -342,11 +353,12 @@ fn widths(roughness: f32, anisotropy: f32) -> (f32, f32) {
 
 /// Returns the reflectance of a dielectric by the cosine and the squared index of refraction, unpolarised.
 #[inline(always)]
-fn dielectric(cos: f32, eta2: f32) -> f32 {
-    let g = (eta2 + cos * cos - 1.0).max(0.0).sqrt();
+fn dielectric<R: Real>(cos: R, eta2: R) -> R {
+    let one = R::of(1.0);
+    let g = (eta2 + cos * cos - one).at_least(R::of(0.0)).root();
     let (sum, difference) = (g + cos, g - cos);
-    let (first, second) = (difference / sum, (sum * cos - 1.0) / (difference * cos + 1.0));
-    0.5 * first * first * (1.0 + second * second)
+    let (first, second) = (difference / sum, (sum * cos - one) / (difference * cos + one));
+    R::of(0.5) * first * first * (one + second * second)
 }
 
 /// Albedo of a lobe of GGX towards an eye: a rational function that MaterialX fitted, by the cosine for one width.
@@ -374,10 +386,12 @@ impl AlbedoOfGgx {
 
     /// Returns the factors of the reflectances at normal and at grazing incidence.
     #[inline(always)]
-    fn at(&self, x: f32) -> (f32, f32) {
-        let value = |[a, b, c]: [f32; 3]| a + x * (b + x * c);
-        let ratio = |top: usize, bottom: usize| (value(self.terms[top]) / value(self.terms[bottom])).clamp(0.0, 1.0);
-        (ratio(0, 2), ratio(1, 3))
+    fn at<R: Real>(&self, x: R) -> (R, R) {
+        let [first, second, third, fourth] = &self.terms;
+        (
+            (quadratic(first, x) / quadratic(third, x)).within(0.0, 1.0),
+            (quadratic(second, x) / quadratic(fourth, x)).within(0.0, 1.0),
+        )
     }
 }
 
@@ -401,20 +415,22 @@ impl RoughDiffuse {
 
     /// Returns the factors of what is scattered once and more than once, times the light's cosine.
     #[inline(always)]
-    fn at(&self, light: f32, eye: f32, between: f32) -> (f32, f32) {
+    fn at<R: Real>(&self, light: R, eye: R, between: R) -> (R, R) {
+        let one = R::of(1.0);
         let s = between - light * eye;
-        let part = if s > 0.0 { s / light.max(eye) } else { s };
-        let single = light * self.scale * (1.0 + self.roughness * part);
-        let lost = |cos: f32| (1.0 - self.albedo(cos)).max(MIN_COS);
-        (single, light * lost(eye) * lost(light) / (1.0 - self.mean_albedo).max(MIN_COS))
+        let part = s.if_positive(s / light.at_least(eye), s);
+        let single = light * R::of(self.scale) * (one + R::of(self.roughness) * part);
+        let lost = |cos: R| (one - self.albedo(cos)).at_least(R::of(MIN_COS));
+        (single, light * lost(eye) * lost(light) / R::of((1.0 - self.mean_albedo).max(MIN_COS)))
     }
 
     /// Returns the albedo of what is scattered once, a polynomial of [Portsmouth 2024] within 0.1 %.
     #[inline(always)]
-    fn albedo(&self, cos: f32) -> f32 {
-        let x = 1.0 - cos;
-        let g = x * (0.057_108_53 + x * (0.491_881_87 + x * (-0.332_181_44 + x * 0.071_443)));
-        self.scale * (1.0 + self.roughness * g)
+    fn albedo<R: Real>(&self, cos: R) -> R {
+        let x = R::of(1.0) - cos;
+        let of = R::of;
+        let g = x * (of(0.057_108_53) + x * (of(0.491_881_87) + x * (of(-0.332_181_44) + x * of(0.071_443))));
+        of(self.scale) * (of(1.0) + of(self.roughness) * g)
     }
 }
 
@@ -443,24 +459,28 @@ impl FuzzLobe {
     }
 
     /// Evaluates it at a pair.
-    pub fn at(&self, pair: &Pair) -> FuzzValues {
-        let (n, y) = (self.normal, self.roughness);
-        let x = dot(n, pair.wo).clamp(MIN_COS, 1.0);
+    #[inline(always)]
+    pub fn at<R: Real>(&self, pair: &Pair<R>) -> FuzzValues<R> {
+        let (of, y) = (R::of, self.roughness);
+        let n = everywhere(self.normal);
+        let x = dot(n, pair.wo).within(MIN_COS, 1.0);
         let [width, middle, offset] = self.albedo;
-        let far = (x - middle) / width;
-        let albedo = (-0.5 * far * far).exp() / (width * (2.0 * PI).sqrt()) + offset;
-        let a = (2.581_26 * x + 0.813_703 * y) * y / (1.0 + 0.310_327 * x * x + 2.609_94 * x * y);
-        let b = (1.0 - x).max(0.0).sqrt() * (y - 1.0) * y * y * y
-            / (0.000_025_405_3 + 1.712_28 * x - 1.715_06 * x * y + 1.341_74 * y * y);
+        let far = (x - of(middle)) / of(width);
+        let albedo = (of(-0.5) * far * far).power_of_e() / of(width * (2.0 * PI).sqrt()) + of(offset);
+        let a =
+            (of(2.581_26) * x + of(0.813_703 * y)) * of(y) / (of(1.0) + of(0.310_327) * x * x + of(2.609_94 * y) * x);
+        let b = (of(1.0) - x).root() * of((y - 1.0) * y * y * y)
+            / (of(0.000_025_405_3 + 1.341_74 * y * y) + of(1.712_28 - 1.715_06 * y) * x);
         // The light in a frame whose first axis is the eye's, projected.
-        let side = [0, 1, 2].map(|i| pair.wo[i] - n[i] * x);
-        let length = dot(side, side).sqrt().max(1e-4);
+        let side = [pair.wo[0] - n[0] * x, pair.wo[1] - n[1] * x, pair.wo[2] - n[2] * x];
+        let length = dot(side, side).root().at_least(of(1e-4));
         let (along, up) = (dot(pair.wi, side) / length, dot(pair.wi, n));
-        let across = (1.0 - along * along - up * up).max(0.0);
-        let (first, second) = (a * along + b * up, a * a * across);
-        let squared = first * first + second + up * up;
-        let value = up.max(0.0) * (a / squared) * (a / squared);
-        FuzzValues { value: albedo * value * self.weight, kept: 1.0 - albedo * self.weight }
+        let across = (of(1.0) - along * along - up * up).at_least(of(0.0));
+        let first = a * along + b * up;
+        let squared = first * first + a * a * across + up * up;
+        let value = up.at_least(of(0.0)) * (a / squared) * (a / squared);
+        let weight = of(self.weight);
+        FuzzValues { value: albedo * value * weight, kept: of(1.0) - albedo * weight }
     }
 }
 
@@ -470,8 +490,20 @@ fn unit_normal([x, y]: [f32; 2]) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Returns a vector in all places.
+#[inline(always)]
+fn everywhere<R: Real>([x, y, z]: [f32; 3]) -> [R; 3] {
+    [R::of(x), R::of(y), R::of(z)]
+}
+
+/// Returns a quadratic polynomial's value; coefficients in ascending order.
+#[inline(always)]
+fn quadratic<R: Real>([a, b, c]: &[f32; 3], x: R) -> R {
+    R::of(*a) + x * (R::of(*b) + x * R::of(*c))
 }
 
 fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
