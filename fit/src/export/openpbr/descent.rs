@@ -20,7 +20,9 @@ const DIFFERENCE: f32 = 2e-3;
 /// Largest length of a normal's x and y.
 const MAX_TILT: f32 = 0.9;
 /// Largest anisotropy.
-const MAX_ANISOTROPY: f32 = 0.9;
+const MAX_ANISOTROPY: f32 = 0.8;
+/// Least roughness of a gloss: narrower highlights fall between measured directions, where nothing says how bright they are.
+const MIN_ROUGHNESS: f32 = 0.25;
 /// Pairs that are evaluated side by side.
 const LANES: usize = 8;
 
@@ -53,7 +55,7 @@ struct Reach {
 /// Ranges of the parameters, in their order.
 const RANGES: [[f32; 2]; PARAMETERS] = {
     let (colour, tilt, turn) = ([0.0, 0.98], [-MAX_TILT, MAX_TILT], [-MAX_ANISOTROPY, MAX_ANISOTROPY]);
-    let rough = [0.1, 1.0];
+    let rough = [MIN_ROUGHNESS, 1.0];
     [
         colour,
         colour,

@@ -36,7 +36,10 @@ pub struct UsdExport {
 /// Fits UsdPreviewSurface and OpenPBR to the asset in `bytes`, of either form. `stem` names the prim and the textures, `asset`
 /// is the asset's address relative to the layer or the package.
 ///
-/// Deterministic: equal assets give equal files on any number of threads. Cost: that of [`fit_surface`].
+/// Deterministic: equal assets give equal files on any number of threads. Cost: that of [`fit_gltf`] and [`fit_openpbr`].
+///
+/// [`fit_gltf`]: crate::fit_gltf
+/// [`fit_openpbr`]: crate::fit_openpbr
 ///
 /// # Errors
 /// A fault of the bytes; an asset without a front; Ctrl-C.
