@@ -1,12 +1,13 @@
 //! `btf-fit export-gltf`.
 
 use super::failure::Failure;
+use super::maps::{MapsArg, line_of_part};
 use super::options::Shared;
 use super::output::{check_distinct, check_file, tell};
 use super::progress;
 use btf_capture::write_file_atomically;
-use btf_fit::{AssetPlace, GltfExport, Maps, export_gltf, read_file, text_from_bytes, with_path};
-use clap::{Args, ValueEnum};
+use btf_fit::{AssetPlace, GltfExport, export_gltf, read_file, text_from_bytes, with_path};
+use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -39,14 +40,6 @@ pub(super) struct ExportGltfArgs {
     json: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum MapsArg {
-    /// Only textures that save a twentieth of the squared error
-    Auto,
-    /// All textures
-    All,
-}
-
 /// Result that `export-gltf --json` writes.
 #[derive(Debug, Serialize)]
 struct Exported<'a> {
@@ -67,13 +60,10 @@ pub(super) fn run(args: &ExportGltfArgs, shared: &Shared) -> Result<(), Failure>
         check_distinct(&[&args.out, target])?;
     }
     let place = if args.embed { AssetPlace::Embedded } else { AssetPlace::beside(&args.asset, &args.out)? };
-    let maps = match args.maps {
-        MapsArg::Auto => Maps::Auto,
-        MapsArg::All => Maps::All,
-    };
     let monitor = progress::monitor(shared, None)?;
     let name = args.asset.file_stem().unwrap_or_default().to_string_lossy();
-    let export = export_gltf(bytes, &name, place, maps, &monitor).map_err(|error| with_path(&args.asset, error))?;
+    let export =
+        export_gltf(bytes, &name, place, args.maps.into(), &monitor).map_err(|error| with_path(&args.asset, error))?;
     write_file_atomically(&args.out, &export.glb)?;
     let result = Exported {
         file: args.out.display().to_string(),
@@ -95,10 +85,7 @@ fn text(file: &Path, export: &GltfExport) -> String {
         export.size_m[0],
         export.size_m[1]
     )];
-    lines.extend(export.tried.iter().map(|part| {
-        let verdict = if part.used { "used" } else { "left out" };
-        format!("{:10} saves {:.1} % of the squared error, {verdict}", part.name, 100.0 * part.saved)
-    }));
+    lines.extend(export.tried.iter().map(line_of_part));
     lines.push(format!("fallback   {:.2} dB against the asset (8-bit sRGB)", export.psnr_db));
     if let Some(db) = export.psnr_transmitted_db {
         lines.push(format!("           {db:.2} dB where the light comes through"));

@@ -3,13 +3,12 @@
 use super::failure::Failure;
 use super::maps::{MapsArg, line_of_part};
 use super::options::Shared;
-use super::output::{check_distinct, check_file, tell};
+use super::output::{check_file, tell, write_with_files_beside};
 use super::progress;
-use btf_capture::write_file_atomically;
 use btf_fit::{AssetPlace, MaterialXExport, export_materialx, read_file, text_from_bytes, with_path};
 use clap::Args;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Write an asset as a MaterialX document: OpenPBR Surface with fitted textures
@@ -66,18 +65,8 @@ pub(super) fn run(args: &ExportMtlxArgs, shared: &Shared) -> Result<(), Failure>
     let monitor = progress::monitor(shared, None)?;
     let export = export_materialx(bytes, stem, &asset, args.maps.into(), &monitor)
         .map_err(|error| with_path(&args.asset, error))?;
-    let folder = args.out.parent().unwrap_or(Path::new(""));
-    let paths: Vec<PathBuf> = export.textures.iter().map(|(name, _)| folder.join(name)).collect();
-    for path in &paths {
-        check_file(path, inputs)?;
-    }
-    let outputs: Vec<&Path> = paths.iter().chain(&args.json).chain([&args.out]).map(PathBuf::as_path).collect();
-    check_distinct(&outputs)?;
-    // The file that names the others comes last.
-    for (path, (_, bytes)) in paths.iter().zip(&export.textures) {
-        write_file_atomically(path, bytes)?;
-    }
-    write_file_atomically(&args.out, export.document.as_bytes())?;
+    let paths =
+        write_with_files_beside(&args.out, export.document.as_bytes(), &export.textures, args.json.as_deref(), inputs)?;
     let result = Exported {
         file: args.out.display().to_string(),
         textures: paths.iter().map(|path| path.display().to_string()).collect(),

@@ -1,15 +1,14 @@
 //! `btf-fit export-usd`.
 
 use super::failure::Failure;
-use super::maps::MapsArg;
+use super::maps::{MapsArg, line_of_part};
 use super::options::Shared;
-use super::output::{check_distinct, check_file, tell};
+use super::output::{check_file, tell, write_with_files_beside};
 use super::progress;
-use btf_capture::write_file_atomically;
 use btf_fit::{AssetPlace, UsdExport, export_usd, read_file, text_from_bytes, with_path};
 use clap::Args;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Write an asset as OpenUSD: UsdPreviewSurface and OpenPBR Surface with fitted textures
@@ -68,23 +67,11 @@ pub(super) fn run(args: &ExportUsdArgs, shared: &Shared) -> Result<(), Failure> 
     let monitor = progress::monitor(shared, None)?;
     let export =
         export_usd(bytes, stem, &asset, args.maps.into(), &monitor).map_err(|error| with_path(&args.asset, error))?;
-    let folder = args.out.parent().unwrap_or(Path::new(""));
-    let beside: &[(String, Vec<u8>)] = if ending == ".usda" { &export.textures } else { &[] };
-    let paths: Vec<PathBuf> = beside.iter().map(|(name, _)| folder.join(name)).collect();
-    for path in &paths {
-        check_file(path, inputs)?;
-    }
-    let outputs: Vec<&Path> = paths.iter().chain(&args.json).chain([&args.out]).map(PathBuf::as_path).collect();
-    check_distinct(&outputs)?;
-    // The file that names the others comes last.
-    for (path, (_, bytes)) in paths.iter().zip(beside) {
-        write_file_atomically(path, bytes)?;
-    }
-    let whole = match ending {
-        ".usdz" => export.package(&format!("{stem}.usda"))?,
-        _ => export.layer.clone().into_bytes(),
+    let (whole, beside): (_, &[(String, Vec<u8>)]) = match ending {
+        ".usdz" => (export.package(&format!("{stem}.usda"))?, &[]),
+        _ => (export.layer.clone().into_bytes(), &export.textures),
     };
-    write_file_atomically(&args.out, &whole)?;
+    let paths = write_with_files_beside(&args.out, &whole, beside, args.json.as_deref(), inputs)?;
     let result = Exported {
         file: args.out.display().to_string(),
         textures: paths.iter().map(|path| path.display().to_string()).collect(),
@@ -106,7 +93,7 @@ fn text(result: &Exported<'_>) -> String {
         figures.width,
         figures.height,
     )];
-    lines.extend(figures.tried.iter().map(super::maps::line_of_part));
+    lines.extend(figures.tried.iter().map(line_of_part));
     lines.push(format!("OpenPBR    {:.2} dB against the asset (8-bit sRGB)", figures.psnr_db));
     lines.push(format!("preview    {:.2} dB, UsdPreviewSurface", result.export.psnr_preview_db));
     lines.join("\n")

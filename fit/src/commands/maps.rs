@@ -1,4 +1,4 @@
-//! `--maps` of the exports that fit OpenPBR.
+//! `--maps` of the exports that fit a material, and what they tell of it.
 
 use btf_fit::{Maps, TriedPart};
 use clap::ValueEnum;
@@ -6,9 +6,9 @@ use clap::ValueEnum;
 /// Which optional parts to fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum MapsArg {
-    /// Coat and fuzz where they save a twentieth of the squared error
+    /// Only parts that save a twentieth of the squared error
     Auto,
-    /// Coat and fuzz always
+    /// All parts
     All,
 }
 

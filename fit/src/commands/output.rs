@@ -71,6 +71,29 @@ pub(super) fn check_distinct(paths: &[&Path]) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Writes `whole` to `out` and files that it names beside it, it last; returns their paths. Nothing is written unless all can be,
+/// and each is another file than `json` and the inputs.
+pub(super) fn write_with_files_beside(
+    out: &Path,
+    whole: &[u8],
+    beside: &[(String, Vec<u8>)],
+    json: Option<&Path>,
+    inputs: &[PathBuf],
+) -> Result<Vec<PathBuf>, Failure> {
+    let folder = out.parent().unwrap_or(Path::new(""));
+    let paths: Vec<PathBuf> = beside.iter().map(|(name, _)| folder.join(name)).collect();
+    for path in &paths {
+        check_file(path, inputs)?;
+    }
+    let outputs: Vec<&Path> = paths.iter().map(PathBuf::as_path).chain(json).chain([out]).collect();
+    check_distinct(&outputs)?;
+    for (path, (_, bytes)) in paths.iter().zip(beside) {
+        write_file_atomically(path, bytes)?;
+    }
+    write_file_atomically(out, whole)?;
+    Ok(paths)
+}
+
 /// Returns the path with its folder resolved; the file itself need not exist.
 fn real_path(path: &Path) -> PathBuf {
     if let Ok(real) = std::fs::canonicalize(path) {

@@ -109,3 +109,19 @@ pub fn psnr_db_at_pairs<M: Fn([f32; 3], [f32; 3]) -> [f32; 3]>(
     let [error, samples] = [0, 1].map(|i| errors.iter().map(|of_texel| of_texel[i]).sum());
     Ok(psnr_db_from_codes(error, samples))
 }
+
+/// Returns a grid of directions as a capture has.
+#[cfg(test)]
+pub fn grid_of_pairs() -> PairList {
+    use btf_runtime::testing::direction_from_degrees;
+    let mut directions = Vec::new();
+    for view in [[0, 0], [30, 0], [30, 120], [30, 240], [60, 60], [60, 180], [60, 300], [75, 20]] {
+        for theta in [0, 15, 30, 45, 60, 75] {
+            for phi in (0..360).step_by(45) {
+                let at = |d: [i32; 2]| direction_from_degrees(d[0].into(), d[1].into());
+                directions.push([at([theta, phi]), at(view)]);
+            }
+        }
+    }
+    PairList { directions }
+}

@@ -14,7 +14,7 @@ use std::process::{Child, Command, Stdio};
 const SIZE: usize = 12;
 /// Most difference of `pi * BRDF * cosine`, beside a share of the value: the albedo of
 /// the diffuse base is a polynomial within 0.1 %.
-const MOST_DIFFERENCE: f64 = 1e-3;
+const MAX_DIFFERENCE: f64 = 1e-3;
 
 /// Writes a material of one texel into `folder`; returns the document's path and the texel as a renderer reads it.
 fn write_material(folder: &Path, name: &str, texel: OpenPbrTexel) -> (PathBuf, OpenPbrTexel) {
@@ -155,12 +155,12 @@ fn materialx_draws_the_model_that_was_fitted() {
         assert_eq!(answer["complaints"], "");
         let largest = largest_difference(&answer, &read, &lights);
         println!("{name}: {largest:.5}");
-        assert!(largest < MOST_DIFFERENCE, "{name}: {largest}");
+        assert!(largest < MAX_DIFFERENCE, "{name}: {largest}");
         // Planted: a rougher lobe, and an anisotropy across.
         let rougher = OpenPbrTexel { roughness: read.roughness + 0.1, ..read };
-        assert!(largest_difference(&answer, &rougher, &lights) > 2.0 * MOST_DIFFERENCE, "{name}: planted");
+        assert!(largest_difference(&answer, &rougher, &lights) > 2.0 * MAX_DIFFERENCE, "{name}: planted");
         let across = OpenPbrTexel { anisotropy: read.anisotropy.map(|x| -x), ..read };
-        assert!(name == "plain" || largest_difference(&answer, &across, &lights) > 2.0 * MOST_DIFFERENCE, "{name}");
+        assert!(name == "plain" || largest_difference(&answer, &across, &lights) > 2.0 * MAX_DIFFERENCE, "{name}");
     }
 }
 

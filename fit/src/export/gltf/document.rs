@@ -115,7 +115,8 @@ pub fn export_gltf(
         .map(|layer| measure(&file.resident, layer, &textures, monitor))
         .transpose()?;
 
-    let size_m = size_m(file.size_mm, [fit.width, fit.height]);
+    let known_m = file.size_mm.map(|size| size.map(|side| side / 1000.0));
+    let size_m = size_of_quad_m(known_m, [fit.width, fit.height]);
     let mut buffer = GlbBuffer::default();
     let asset = match &place {
         AssetPlace::Uri(uri) => json!({ "uri": uri }),
@@ -171,11 +172,8 @@ fn metres(mm: f32) -> f64 {
 }
 
 /// Returns the physical size of the quad in metres; where it is not known, 0.1 m wide.
-pub fn size_m(size_mm: Option<[f32; 2]>, texels: [usize; 2]) -> [f32; 2] {
-    match size_mm {
-        Some(size) => size.map(|side| side / 1000.0),
-        None => [WIDTH_M, WIDTH_M * texels[1] as f32 / texels[0] as f32],
-    }
+pub fn size_of_quad_m(known_m: Option<[f32; 2]>, texels: [usize; 2]) -> [f32; 2] {
+    known_m.unwrap_or([WIDTH_M, WIDTH_M * texels[1] as f32 / texels[0] as f32])
 }
 
 /// Parts of the document.

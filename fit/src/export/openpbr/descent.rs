@@ -14,7 +14,7 @@ const EPSILON: f32 = 0.003;
 /// The root curve is the power 1 / 2.4, sRGB's.
 const ROOT: f32 = 2.4;
 /// Share of the error that a step must save for the next one to be tried.
-const LEAST_STEP: f64 = 2e-3;
+const MIN_STEP_SAVED: f64 = 2e-3;
 /// Difference of a parameter by which slopes are computed.
 const DIFFERENCE: f32 = 2e-3;
 /// Largest length of a normal's x and y.
@@ -50,6 +50,11 @@ struct Reach {
     fuzz: bool,
     /// The one channel that changes, or all.
     channel: Option<usize>,
+}
+
+impl Reach {
+    /// Everything changes.
+    const ALL: Reach = Reach { base: true, coat: true, fuzz: true, channel: None };
 }
 
 /// Ranges of the parameters, in their order.
@@ -211,9 +216,8 @@ pub fn fit_texel(
     }
     let mut here = start.to_parameters();
     within_ranges(&mut here);
-    let all = Reach { base: true, coat: true, fuzz: true, channel: None };
-    let own = Reach { coat: parts.coat, fuzz: parts.fuzz, ..all };
-    let mut error = evaluate(pairs, &here, all, scratch);
+    let own = Reach { coat: parts.coat, fuzz: parts.fuzz, ..Reach::ALL };
+    let mut error = evaluate(pairs, &here, Reach::ALL, scratch);
     let mut damping = 1e-2;
     for _ in 0..steps {
         let (gram, right) = equations(pairs, &here, parts, scratch);
@@ -232,7 +236,7 @@ pub fn fit_texel(
             }
             damping *= 6.0;
         }
-        if saved < LEAST_STEP {
+        if saved < MIN_STEP_SAVED {
             break;
         }
     }
@@ -368,27 +372,13 @@ mod tests {
     use super::*;
     use crate::export::gltf::brdf::GltfTexel;
     use crate::export::openpbr::fit::start_of;
-    use btf_runtime::testing::direction_from_degrees;
-
-    /// Returns a grid of directions as a capture has.
-    fn list() -> PairList {
-        let mut directions = Vec::new();
-        for view in [[0, 0], [30, 0], [30, 120], [30, 240], [60, 60], [60, 180], [60, 300], [75, 20]] {
-            for theta in [0, 15, 30, 45, 60, 75] {
-                for phi in (0..360).step_by(45) {
-                    let at = |d: [i32; 2]| direction_from_degrees(d[0].into(), d[1].into());
-                    directions.push([at([theta, phi]), at(view)]);
-                }
-            }
-        }
-        PairList { directions }
-    }
+    use crate::export::pairs::grid_of_pairs;
 
     const PARTS: Parts = Parts { coat: true, fuzz: true };
 
     /// Fits a texel to another's values; returns the error per value on the root curve, and what was found.
     fn found(made: &OpenPbrTexel, start: &OpenPbrTexel, parts: Parts) -> (f64, OpenPbrTexel) {
-        let list = list();
+        let list = grid_of_pairs();
         let pairs = Pairs::new(&list);
         let mut scratch = Scratch::default();
         for [wi, wo] in &list.directions {
@@ -435,7 +425,7 @@ mod tests {
 
     #[test]
     fn slopes_are_those_of_the_error_and_no_step_leaves_the_ranges() {
-        let list = list();
+        let list = grid_of_pairs();
         let pairs = Pairs::new(&list);
         let mut scratch = Scratch::default();
         let start = start_of(&gltf(), PARTS);
@@ -447,14 +437,13 @@ mod tests {
         }
         fit_texel(&pairs, 0, &start, PARTS, &mut scratch);
         let here = start.to_parameters();
-        let all = Reach { base: true, coat: true, fuzz: true, channel: None };
-        let error = evaluate(&pairs, &here, all, &mut scratch);
+        let error = evaluate(&pairs, &here, Reach::ALL, &mut scratch);
         let (_, right) = equations(&pairs, &here, PARTS, &mut scratch);
         for p in 0..PARAMETERS {
             let mut there = here;
             there[p] += 1e-3;
             // The derivative of the squared error is twice the right-hand side, negative.
-            let slope = (evaluate(&pairs, &there, all, &mut scratch) - error) / 1e-3;
+            let slope = (evaluate(&pairs, &there, Reach::ALL, &mut scratch) - error) / 1e-3;
             assert!((slope + 2.0 * right[p]).abs() < 0.05 * slope.abs() + 0.1, "{p}: {slope} {}", right[p]);
         }
         let mut wild = [9.0; PARAMETERS];

@@ -120,8 +120,8 @@ fn choose_parts(
     let mut parts = Parts { coat: false, fuzz: false };
     let mut error = error_of(parts)?;
     let mut tried = Vec::new();
-    for (name, with) in [("coat", Parts { coat: true, ..parts }), ("fuzz", Parts { fuzz: true, ..parts })] {
-        let with = Parts { coat: with.coat || parts.coat, fuzz: with.fuzz || parts.fuzz };
+    for (name, more) in [("coat", Parts { coat: true, fuzz: false }), ("fuzz", Parts { coat: false, fuzz: true })] {
+        let with = Parts { coat: parts.coat || more.coat, fuzz: parts.fuzz || more.fuzz };
         let next = error_of(with)?;
         let saved = if error > 0.0 { 1.0 - next / error } else { 0.0 };
         let used = saved >= MIN_SAVED || maps == Maps::All;

@@ -5,7 +5,8 @@ use crate::export::openpbr::textures::OpenPbrTextures;
 use std::collections::BTreeMap;
 
 /// A node's input: its type and where its value comes from.
-pub enum From {
+#[derive(Clone)]
+pub enum Source {
     /// A constant.
     Text(&'static str, String),
     /// A node's output.
@@ -18,12 +19,12 @@ pub enum From {
 pub struct Node {
     /// Name of the node in the libraries, such as `image`.
     pub category: &'static str,
-    /// Its own name.
+    /// Name of the node in the graph.
     pub name: String,
     /// Type of its output.
     pub kind: &'static str,
     /// Names of inputs, and what they take.
-    pub inputs: Vec<(&'static str, From)>,
+    pub inputs: Vec<(&'static str, Source)>,
 }
 
 /// Nodes that read and unpack the textures, and the graph's outputs with their types.
@@ -42,7 +43,7 @@ impl Graph {
         category: &'static str,
         name: &str,
         kind: &'static str,
-        inputs: Vec<(&'static str, From)>,
+        inputs: Vec<(&'static str, Source)>,
     ) -> String {
         self.nodes.push(Node { category, name: name.into(), kind, inputs });
         name.into()
@@ -55,20 +56,20 @@ impl Graph {
     /// Adds a texture; returns the node that reads it.
     fn texture(&mut self, prefix: &str, name: &'static str, srgb: bool) -> String {
         let kind = if srgb { "color3" } else { "vector3" };
-        let file = From::Text("filename", format!("{}{name}.png", prefix));
-        let mode = |name| (name, From::Text("string", "periodic".into()));
+        let file = Source::Text("filename", format!("{}{name}.png", prefix));
+        let mode = |name| (name, Source::Text("string", "periodic".into()));
         self.add("image", name, kind, vec![("file", file), mode("uaddressmode"), mode("vaddressmode")])
     }
 
     /// Takes a channel of a texture of numbers.
     fn channel(&mut self, name: &str, of: &str, index: usize) -> String {
         let inputs =
-            vec![("in", From::Node("vector3", of.into())), ("index", From::Text("integer", index.to_string()))];
+            vec![("in", Source::Node("vector3", of.into())), ("index", Source::Text("integer", index.to_string()))];
         self.add("extract", name, "float", inputs)
     }
 
     /// Adds a node of two numbers.
-    fn of_two(&mut self, category: &'static str, name: &str, a: From, b: From) -> String {
+    fn of_two(&mut self, category: &'static str, name: &str, a: Source, b: Source) -> String {
         self.add(category, name, "float", vec![("in1", a), ("in2", b)])
     }
 
@@ -113,19 +114,19 @@ impl Graph {
     /// Adds tangent and bitangent of the mesh, once.
     fn world_frame(&mut self) {
         if !self.nodes.iter().any(|node| node.name == "tangent_world") {
-            let world = || vec![("space", From::Text("string", "world".into()))];
+            let world = || vec![("space", Source::Text("string", "world".into()))];
             self.add("tangent", "tangent_world", "vector3", world());
             self.add("bitangent", "bitangent_world", "vector3", world());
         }
     }
 }
 
-fn node(kind: &'static str, name: &str) -> From {
-    From::Node(kind, name.into())
+fn node(kind: &'static str, name: &str) -> Source {
+    Source::Node(kind, name.into())
 }
 
-fn number(x: f32) -> From {
-    From::Text("float", x.to_string())
+fn number(x: f32) -> Source {
+    Source::Text("float", x.to_string())
 }
 
 /// Makes the graph of a material's textures.
@@ -172,9 +173,8 @@ pub fn graph_of(textures: &OpenPbrTextures, prefix: &str) -> Graph {
         let mixed = graph.add("mix", "seen_ior", "float", mixed);
         eta = node("float", &mixed);
     }
-    let seen = graph.of_two("add", "seen_ior_value", eta, number(0.0));
-    let below = graph.of_two("subtract", "seen_ior_less", node("float", &seen), number(1.0));
-    let above = graph.of_two("add", "seen_ior_more", node("float", &seen), number(1.0));
+    let below = graph.of_two("subtract", "seen_ior_less", eta.clone(), number(1.0));
+    let above = graph.of_two("add", "seen_ior_more", eta, number(1.0));
     let own = graph.of_two("divide", "seen_f0_root", node("float", &below), node("float", &above));
     let ratio = graph.of_two("divide", "specular_weight_root", node("float", &root), node("float", &own));
     let weight = graph.of_two("multiply", "specular_weight", node("float", &ratio), node("float", &ratio));
@@ -203,24 +203,24 @@ pub fn graph_of(textures: &OpenPbrTextures, prefix: &str) -> Graph {
 }
 
 /// Returns the inputs of an OpenPBR Surface that the graph feeds, and the constant ones.
-pub fn openpbr_inputs(graph: &Graph) -> Vec<(&'static str, From)> {
+pub fn openpbr_inputs(graph: &Graph) -> Vec<(&'static str, Source)> {
     let own = ["specular_f0_root", "specular_ior"];
     let fed = graph.outputs.iter().filter(|(name, _)| !own.contains(name));
-    let mut inputs: Vec<(&'static str, From)> =
-        fed.map(|(name, (kind, _))| (*name, From::Output(kind, name))).collect();
+    let mut inputs: Vec<(&'static str, Source)> =
+        fed.map(|(name, (kind, _))| (*name, Source::Output(kind, name))).collect();
     inputs.push(("specular_ior", number(SPECULAR_IOR)));
     inputs.push(("coat_ior", number(COAT_IOR)));
     // The colours of the fit are those that are seen through the coat.
     inputs.push(("coat_darkening", number(0.0)));
     if graph.outputs.contains_key("subsurface_weight") {
-        inputs.push(("geometry_thin_walled", From::Text("boolean", "true".into())));
+        inputs.push(("geometry_thin_walled", Source::Text("boolean", "true".into())));
         inputs.push(("subsurface_scatter_anisotropy", number(1.0)));
     }
     inputs
 }
 
 /// Returns the inputs of a Standard Surface that come nearest.
-pub fn standard_inputs(graph: &Graph) -> Vec<(&'static str, From)> {
+pub fn standard_inputs(graph: &Graph) -> Vec<(&'static str, Source)> {
     let pairs = [
         ("base_color", "base_color"),
         ("diffuse_roughness", "base_diffuse_roughness"),
@@ -243,14 +243,14 @@ pub fn standard_inputs(graph: &Graph) -> Vec<(&'static str, From)> {
     ];
     let fed = pairs.into_iter().filter_map(|(input, output)| {
         let (name, (kind, _)) = graph.outputs.get_key_value(output)?;
-        Some((input, From::Output(kind, name)))
+        Some((input, Source::Output(kind, name)))
     });
-    let mut inputs: Vec<(&'static str, From)> = fed.collect();
+    let mut inputs: Vec<(&'static str, Source)> = fed.collect();
     inputs.push(("base", number(1.0)));
     inputs.push(("specular", number(1.0)));
     inputs.push(("coat_IOR", number(COAT_IOR)));
     if graph.outputs.contains_key("subsurface_weight") {
-        inputs.push(("thin_walled", From::Text("boolean", "true".into())));
+        inputs.push(("thin_walled", Source::Text("boolean", "true".into())));
     }
     inputs
 }

@@ -2,7 +2,7 @@
 //! (docs/reference/materialx.md).
 
 use crate::error::FitError;
-use crate::export::openpbr::graph::{From, Graph, Node, graph_of, openpbr_inputs, standard_inputs};
+use crate::export::openpbr::graph::{Graph, Node, Source, graph_of, openpbr_inputs, standard_inputs};
 use crate::export::openpbr::textures::OpenPbrTextures;
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
@@ -110,7 +110,7 @@ fn write_node(writer: &mut Writer<Vec<u8>>, node: &Node, graph: &str) -> std::io
             for (input, from) in &node.inputs {
                 let element = writer.create_element("input").with_attribute(("name", *input));
                 match from {
-                    From::Text(kind, text) => {
+                    Source::Text(kind, text) => {
                         let srgb = *kind == "filename" && node.kind == "color3";
                         let element = element.with_attributes([("type", *kind), ("value", text.as_str())]);
                         match srgb {
@@ -118,10 +118,10 @@ fn write_node(writer: &mut Writer<Vec<u8>>, node: &Node, graph: &str) -> std::io
                             false => element.write_empty()?,
                         }
                     }
-                    From::Node(kind, name) => {
+                    Source::Node(kind, name) => {
                         element.with_attributes([("type", *kind), ("nodename", name.as_str())]).write_empty()?
                     }
-                    From::Output(kind, output) => element
+                    Source::Output(kind, output) => element
                         .with_attributes([("type", *kind), ("nodegraph", graph), ("output", name_of(output).as_str())])
                         .write_empty()?,
                 };

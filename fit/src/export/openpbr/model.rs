@@ -230,7 +230,6 @@ pub struct FuzzValues<R> {
 /// The base of a texel: diffuse and glossy.
 pub struct BaseLobe {
     gloss: Gloss,
-    /// Roughness of the diffuse base.
     diffuse: RoughDiffuse,
 }
 
@@ -289,7 +288,7 @@ struct Gloss {
     /// Tangent and bitangent over the lobe's widths.
     x: [f32; 3],
     y: [f32; 3],
-    /// Squared mean width over 1, and the mean width.
+    /// Squared mean width of the lobe.
     alpha2: f32,
     f0: f32,
     /// Squared index of refraction.

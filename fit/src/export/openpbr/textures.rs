@@ -17,6 +17,20 @@ pub struct OpenPbrTexture {
     pub samples: Vec<u8>,
 }
 
+impl OpenPbrTexture {
+    /// Encodes what `of` returns of each texel: linear colours for `srgb`, else numbers from 0 to 1.
+    pub fn new<T>(name: &'static str, srgb: bool, texels: &[T], of: impl Fn(&T) -> [f32; 3]) -> OpenPbrTexture {
+        let code = |x: f32| byte(if srgb { Transfer::Srgb.encoded_from_linear(x) } else { x });
+        OpenPbrTexture { name, srgb, samples: texels.iter().flat_map(|texel| of(texel).map(code)).collect() }
+    }
+
+    /// Returns what a renderer reads at a texel: a linear colour or numbers from 0 to 1.
+    pub fn read(&self, texel: usize) -> [f32; 3] {
+        let decoded = |x: f32| if self.srgb { Transfer::Srgb.linear_from_encoded(x) } else { x };
+        [0, 1, 2].map(|c| decoded(number(self.samples[3 * texel + c])))
+    }
+}
+
 /// The textures of a material.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OpenPbrTextures {
@@ -33,9 +47,7 @@ impl OpenPbrTextures {
     pub fn new(fit: &OpenPbrFit) -> OpenPbrTextures {
         let mut textures = Vec::new();
         let mut add = |name, srgb, of: &dyn Fn(&OpenPbrTexel) -> [f32; 3]| {
-            let code = |x: f32| byte(if srgb { Transfer::Srgb.encoded_from_linear(x) } else { x });
-            let samples = fit.texels.iter().flat_map(|texel| of(texel).map(code)).collect();
-            textures.push(OpenPbrTexture { name, srgb, samples });
+            textures.push(OpenPbrTexture::new(name, srgb, &fit.texels, of));
         };
         add("base_color", true, &|t| t.base_colour);
         add("specular_color", true, &|t| t.specular_colour);
@@ -52,10 +64,9 @@ impl OpenPbrTextures {
             add("fuzz", false, &|t| [t.fuzz, t.fuzz_roughness, 0.0]);
         }
         if !fit.transmission.is_empty() {
-            let colours = fit.transmission.iter().flat_map(|(_, colour)| colour.map(srgb_byte)).collect();
-            textures.push(OpenPbrTexture { name: "subsurface_color", srgb: true, samples: colours });
-            let weights = fit.transmission.iter().flat_map(|(share, _)| [byte(*share); 3]).collect();
-            textures.push(OpenPbrTexture { name: "subsurface_weight", srgb: false, samples: weights });
+            let through = &fit.transmission;
+            textures.push(OpenPbrTexture::new("subsurface_color", true, through, |(_, colour)| *colour));
+            textures.push(OpenPbrTexture::new("subsurface_weight", false, through, |(share, _)| [*share; 3]));
         }
         OpenPbrTextures { width: fit.width, height: fit.height, textures }
     }
@@ -65,19 +76,10 @@ impl OpenPbrTextures {
         self.textures.iter().any(|texture| texture.name == name)
     }
 
-    /// Returns what a renderer reads of `name` at a texel: linear colours or numbers from 0 to 1; `None` where there is no
-    /// such texture.
-    fn read(&self, name: &str, texel: usize) -> Option<[f32; 3]> {
-        let texture = self.textures.iter().find(|texture| texture.name == name)?;
-        let at = &texture.samples[3 * texel..];
-        let decoded = |x: f32| if texture.srgb { Transfer::Srgb.linear_from_encoded(x) } else { x };
-        Some([0, 1, 2].map(|c| decoded(number(at[c]))))
-    }
-
     /// Returns what a renderer reads at a texel.
     pub fn texel(&self, texel: usize) -> OpenPbrTexel {
         let mut read = OpenPbrTexel { coat: 0.0, fuzz: 0.0, ..OpenPbrTexel::PLAIN };
-        let of = |name| self.read(name, texel);
+        let of = |name| Some(self.textures.iter().find(|texture| texture.name == name)?.read(texel));
         if let Some(colour) = of("base_color") {
             read.base_colour = colour;
         }
@@ -122,10 +124,6 @@ impl OpenPbrTextures {
     pub fn png(&self, texture: &OpenPbrTexture) -> Result<Vec<u8>, FitError> {
         png([self.width, self.height], 3, &texture.samples)
     }
-}
-
-fn srgb_byte(x: f32) -> u8 {
-    byte(Transfer::Srgb.encoded_from_linear(x))
 }
 
 /// Returns a unit vector as textures hold it: -1 to 1 in 0 to 1, y up.

@@ -1,7 +1,7 @@
 //! `export-usd`: a layer or a package of an asset's materials, and figures about them.
 
 use crate::error::FitError;
-use crate::export::gltf::document::size_m;
+use crate::export::gltf::document::size_of_quad_m;
 use crate::export::gltf::fit::Maps;
 use crate::export::openpbr::export::{FittedSurface, OpenPbrFigures, fit_surface, identifier};
 use crate::export::openpbr::graph::graph_of;
@@ -63,7 +63,7 @@ pub fn export_usd(
         textures: &prefix,
         asset,
         checksum: &checksum,
-        size_m: size_m(figures.size_m.map(|size| size.map(|side| 1000.0 * side)), size),
+        size_m: size_of_quad_m(figures.size_m, size),
         size_is_known: figures.size_m.is_some(),
         double_sided: gltf.transmission,
     };

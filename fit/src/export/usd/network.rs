@@ -1,16 +1,16 @@
 //! MaterialX nodes as shaders of a USD layer.
 
-use crate::export::openpbr::graph::{From, Graph, Node, openpbr_inputs};
+use crate::export::openpbr::graph::{Graph, Node, Source, openpbr_inputs};
 use std::fmt::Write;
 
 /// Name of the shader that reads texture coordinates.
 const COORDINATES: &str = "texcoord";
 
 /// Returns the identifier of a node's definition in MaterialX's standard libraries.
-pub fn definition_of(node: &Node) -> String {
+fn definition_of(node: &Node) -> String {
     let kind_of = |input: &str| {
         node.inputs.iter().find(|(name, _)| *name == input).map_or(node.kind, |(_, from)| match from {
-            From::Text(kind, _) | From::Node(kind, _) | From::Output(kind, _) => *kind,
+            Source::Text(kind, _) | Source::Node(kind, _) | Source::Output(kind, _) => *kind,
         })
     };
     match (node.category, node.kind) {
@@ -61,11 +61,11 @@ fn write_shader(out: &mut String, node: &Node, graph: &Graph, path: &str) -> std
     writeln!(out, "            uniform token info:id = \"{}\"", definition_of(node))?;
     for (input, from) in &node.inputs {
         match from {
-            From::Text(kind, text) => write_value(out, node, input, kind, text)?,
-            From::Node(kind, name) => {
+            Source::Text(kind, text) => write_value(out, node, input, kind, text)?,
+            Source::Node(kind, name) => {
                 writeln!(out, "            {} inputs:{input}.connect = <{path}/{name}.outputs:out>", usd_type(kind))?;
             }
-            From::Output(kind, output) => {
+            Source::Output(kind, output) => {
                 if let Some((_, name)) = graph.outputs.get(output) {
                     writeln!(
                         out,

@@ -3,8 +3,6 @@
 use crate::export::gltf::brdf::{DIELECTRIC_F0, GltfTexel};
 use crate::export::gltf::fit::GltfFit;
 use crate::export::openpbr::textures::{OpenPbrTexture, OpenPbrTextures};
-use crate::export::png::{byte, number};
-use btf_capture::Transfer;
 
 /// Names of the textures, in the order of [`preview_textures`].
 pub const PREVIEW_TEXTURES: [&str; 4] =
@@ -32,10 +30,7 @@ fn preview_texel(texel: &GltfTexel) -> GltfTexel {
 /// Makes the textures of UsdPreviewSurface.
 pub fn preview_textures(fit: &GltfFit) -> OpenPbrTextures {
     let texels: Vec<GltfTexel> = fit.texels.iter().map(preview_texel).collect();
-    let of = |name: &'static str, srgb: bool, of: &dyn Fn(&GltfTexel) -> [f32; 3]| {
-        let code = |x: f32| byte(if srgb { Transfer::Srgb.encoded_from_linear(x) } else { x });
-        OpenPbrTexture { name, srgb, samples: texels.iter().flat_map(|texel| of(texel).map(code)).collect() }
-    };
+    let of = |name, srgb, of: &dyn Fn(&GltfTexel) -> [f32; 3]| OpenPbrTexture::new(name, srgb, &texels, of);
     let [diffuse, specular, normal, roughness] = PREVIEW_TEXTURES;
     OpenPbrTextures {
         width: fit.width,
@@ -51,12 +46,7 @@ pub fn preview_textures(fit: &GltfFit) -> OpenPbrTextures {
 
 /// Returns what a renderer reads at a texel, as the glTF texel that reflects the same.
 pub fn read_preview(textures: &OpenPbrTextures, texel: usize) -> GltfTexel {
-    let read = |index: usize| {
-        let texture = &textures.textures[index];
-        let at = &texture.samples[3 * texel..];
-        let decoded = |x: f32| if texture.srgb { Transfer::Srgb.linear_from_encoded(x) } else { x };
-        [0, 1, 2].map(|c| decoded(number(at[c])))
-    };
+    let read = |index: usize| textures.textures[index].read(texel);
     let normal = read(2).map(|x| 2.0 * x - 1.0);
     let length = normal.iter().map(|x| x * x).sum::<f32>().sqrt().max(1e-6);
     GltfTexel {

@@ -1,24 +1,11 @@
 //! Tests of `fit.rs`.
 
 use super::*;
+use crate::export::pairs::grid_of_pairs;
 use btf_runtime::testing::direction_from_degrees;
 
-/// Returns a grid of directions as a capture has.
-fn list() -> PairList {
-    let mut directions = Vec::new();
-    for view in [[0, 0], [30, 0], [30, 120], [30, 240], [60, 60], [60, 180], [60, 300], [75, 20]] {
-        for theta in [0, 15, 30, 45, 60, 75] {
-            for phi in (0..360).step_by(45) {
-                let at = |d: [i32; 2]| direction_from_degrees(d[0].into(), d[1].into());
-                directions.push([at([theta, phi]), at(view)]);
-            }
-        }
-    }
-    PairList { directions }
-}
-
 fn found(texel: &GltfTexel, model: &Model) -> (GltfTexel, f64) {
-    let pairs = Pairs::new(&list());
+    let pairs = Pairs::new(&grid_of_pairs());
     let mut scratch = Scratch::default();
     for [wi, wo] in &pairs.list.directions {
         let value = texel.reflected(model.sheen.as_ref(), *wi, *wo);
@@ -44,7 +31,7 @@ fn the_search_evaluates_the_model_that_a_viewer_does() {
         (Model { metal: true, ..model.clone() }, GltfTexel { metallic: 1.0, ..made }),
         (Model { specular: false, sheen: None, ..model.clone() }, texel()),
     ] {
-        let pairs = Pairs::new(&list());
+        let pairs = Pairs::new(&grid_of_pairs());
         let mut scratch = Scratch::default();
         let mut weights = [0.0; UNKNOWNS];
         for c in 0..3 {
@@ -89,7 +76,7 @@ fn a_material_of_the_model_is_found_again() {
 #[test]
 fn parts_are_used_where_they_help_and_left_out_where_they_do_not() {
     let choose = |made: GltfTexel, sheen: Option<Sheen>, maps: Maps| {
-        let pairs = Pairs::new(&list());
+        let pairs = Pairs::new(&grid_of_pairs());
         let error_of = |model: &Model| {
             let mut scratch = Scratch::default();
             for [wi, wo] in &pairs.list.directions {
