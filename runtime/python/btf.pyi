@@ -85,3 +85,9 @@ class Asset:
 
         Values there have the bilinear interpolation of the four texels' values as their mean.
         """
+
+    def heights(self) -> Optional[NDArray[np.float32]]:
+        """Returns the heights of the front's texels above the plane of the capture, (rows, columns) from the top left.
+
+        In widths of a texel; None where the asset has none.
+        """

@@ -79,9 +79,11 @@ pub use render::control::Control;
 pub use render::governor::Spending;
 pub use render::headless::{MAX_SIDE, RenderParams, RenderReport, Rendered, Sequence, render, render_sequence};
 pub use render::plan::{Plan, PlannedAsset, plan};
+#[cfg(not(target_arch = "wasm32"))]
+pub use render::server::{PictureRequest, PictureServer};
 pub use scene::asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
 pub use scene::camera::{Camera, CameraFrame};
-pub use scene::file::{load_scene, scene_with_assets};
+pub use scene::file::{SceneView, load_scene, scene_with_assets};
 pub use scene::landscape::{Landscape, LandscapeCounts, LandscapeParams};
 pub use scene::leaf::SceneLeaf;
 pub use scene::material::{Body, Material, OwnBodies, Shown};

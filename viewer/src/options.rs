@@ -63,7 +63,8 @@ impl SkyLight {
 }
 
 /// The light that is followed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 #[repr(u32)]
 pub enum RenderMode {
     /// Light that comes straight from a lamp or, within the occlusion distance, from the surroundings; and perfect

@@ -1,8 +1,8 @@
 //! Pictures in linear radiance, and their conversion to 8-bit sRGB.
 
 use crate::error::ViewerError;
-use btf_capture::Transfer;
 use btf_capture::atomic::write_file_atomically;
+use btf_capture::{RadianceMap, Transfer};
 use image::ImageEncoder;
 use image::codecs::png::PngEncoder;
 use std::path::Path;
@@ -35,6 +35,22 @@ impl Picture {
         let gain = exposure_ev.exp2();
         let encode = |x: &f32| (Transfer::Srgb.encoded_from_linear((x * gain).clamp(0.0, 1.0)) * 255.0).round() as u8;
         self.radiance.iter().flatten().map(encode).collect()
+    }
+
+    /// Writes the picture, never half a file: for a name that ends with `.exr` linear radiance in single precision, without
+    /// the exposure; for all others an 8-bit sRGB PNG.
+    ///
+    /// # Errors
+    /// [`ViewerError::Write`] or [`ViewerError::Encode`], both naming the file.
+    pub fn write(&self, path: &Path, exposure_ev: f32) -> Result<(), ViewerError> {
+        if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
+            return self.write_png(path, exposure_ev);
+        }
+        let rgb = self.radiance.as_flattened().to_vec();
+        let map = RadianceMap { width: self.width as usize, height: self.height as usize, rgb };
+        let bytes = map.exr().map_err(|reason| ViewerError::Encode { path: path.into(), reason })?;
+        write_file_atomically(path, &bytes)?;
+        Ok(())
     }
 
     /// Writes an 8-bit sRGB PNG; never half a file.
@@ -80,6 +96,17 @@ mod tests {
         assert_eq!(picture.srgb8(0.0)[..5], [0, 137, 255, 0, 255]);
         // 0.25 twice doubled is 1.
         assert_eq!(picture.srgb8(2.0)[1], 255);
+    }
+
+    #[test]
+    fn an_exr_has_the_radiance_and_other_names_are_png() {
+        let dir = tempfile::tempdir().unwrap();
+        let picture = Picture { width: 2, height: 1, radiance: vec![[0.0, 0.25, 1.0], [1.0, 9.0, 0.1]] };
+        let (exr, png) = (dir.path().join("a.EXR"), dir.path().join("a"));
+        picture.write(&exr, 3.0).unwrap();
+        picture.write(&png, 0.0).unwrap();
+        assert_eq!(RadianceMap::read(&exr).unwrap().rgb, picture.radiance.as_flattened());
+        assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG"));
     }
 
     #[test]

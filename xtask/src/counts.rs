@@ -40,6 +40,21 @@ impl Counts {
     }
 }
 
+/// Reads the end of Python's unittest: `Ran 5 tests in 1.2s`, then `OK` or `FAILED (failures=1, errors=1, skipped=1)`.
+/// `None` where there is no such line.
+pub fn from_unittest(output: &str) -> Option<Counts> {
+    let words = output.lines().rev().find_map(|line| line.strip_prefix("Ran "))?;
+    let ran: usize = words.split_whitespace().next()?.parse().ok()?;
+    let outcome = output.lines().rev().find(|line| line.starts_with("OK") || line.starts_with("FAILED"))?;
+    let named = |name: &str| {
+        let (_, rest) = outcome.split_once(&format!("{name}="))?;
+        rest.split(|c: char| !c.is_ascii_digit()).next()?.parse::<usize>().ok()
+    };
+    let failed = named("failures").unwrap_or(0) + named("errors").unwrap_or(0);
+    let skipped = named("skipped").unwrap_or(0);
+    Some(Counts { passed: ran.checked_sub(failed + skipped)?, failed, skipped })
+}
+
 /// Sums up cargo test's `test result: ok. 3 passed; 0 failed; 1 ignored; 0 measured; 2 filtered out; ...`, one line per
 /// test program. Ignored and filtered tests did not run, so they are skipped. `None` where there is no such line.
 pub fn from_cargo_test(output: &str) -> Option<Counts> {
@@ -142,6 +157,15 @@ pub fn from_tap(output: &str) -> Option<Counts> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn unittest_counts_what_ran() {
+        let of = |end: &str| from_unittest(&format!("noise\nRan 5 tests in 1.2s\n\n{end}\n"));
+        assert_eq!(of("OK"), Some(Counts { passed: 5, failed: 0, skipped: 0 }));
+        assert_eq!(of("FAILED (failures=1, errors=2, skipped=1)"), Some(Counts { passed: 1, failed: 3, skipped: 1 }));
+        assert_eq!(of("OK (skipped=2)"), Some(Counts { passed: 3, failed: 0, skipped: 2 }));
+        assert_eq!((of("killed"), from_unittest("Ran away\nOK")), (None, None));
+    }
 
     const CARGO_TEST: &str = "\
 running 4 tests

@@ -15,6 +15,7 @@ mod checks;
 mod chores;
 mod counts;
 mod failure;
+mod files;
 mod gpu_goals;
 mod gpu_page;
 mod gpu_results;
@@ -23,7 +24,7 @@ mod shell;
 mod suite;
 mod tools;
 
-use chores::{bench, book, check, demo, fuzz, gpu_report, header, python, setup, shaders, volumes, web};
+use chores::{bench, blender, book, check, demo, fuzz, gpu_report, header, python, setup, shaders, volumes, web};
 use failure::Failure;
 use std::process::ExitCode;
 
@@ -35,6 +36,7 @@ Chores:
   test    everything that CI runs; --quick is the tier for every edit
   check   format and clippy only
   bench   time reading, clustering, fitting and decoding (criterion)
+  blender build, install and test the add-on for Blender
   book    make a site of the documents, target/book
   fuzz    fuzz the packed formats and the readers of models and captures with libFuzzer
   gpu-report
@@ -72,6 +74,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "test" => suite::run(rest),
         "check" => check::run(rest),
         "bench" => bench::run(rest),
+        "blender" => blender::run(rest),
         "book" => book::run(rest),
         "fuzz" => fuzz::run(rest),
         "gpu-report" => gpu_report::run(rest),

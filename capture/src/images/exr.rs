@@ -145,6 +145,18 @@ pub(crate) fn encode(values: &[f32], width: usize, height: usize) -> Result<Vec<
     Ok(bytes.into_inner())
 }
 
+/// Encodes linear `values`, `[texel, channel]`, as single-precision RGB without compression.
+pub(crate) fn encode_single(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
+    let channels = SpecificChannels::rgb(|position: Vec2<usize>| {
+        let at = (position.y() * width + position.x()) * 3;
+        (values[at], values[at + 1], values[at + 2])
+    });
+    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
+    let mut bytes = Cursor::new(Vec::with_capacity(width * height * 12 + 4096));
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(bytes.into_inner())
+}
+
 /// Encodes one channel, Y, in single precision without compression.
 pub(crate) fn encode_map(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
     let channels = SpecificChannels::build()

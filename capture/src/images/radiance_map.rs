@@ -42,11 +42,29 @@ impl RadianceMap {
         rgb.iter_mut().for_each(|x| *x = x.max(0.0));
         Ok(RadianceMap { width: image.width, height: image.height, rgb })
     }
+
+    /// Returns the bytes of an EXR file in single precision, which keeps every value.
+    ///
+    /// # Errors
+    /// The encoder's reason.
+    pub fn exr(&self) -> Result<Vec<u8>, String> {
+        crate::images::exr::encode_single(&self.rgb, self.width, self.height)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_exr_keeps_every_value() {
+        let dir = tempfile::tempdir().unwrap();
+        let rgb = vec![1e-20, 0.1, 3.0e9, 0.0, 1.0 / 3.0, 65505.0];
+        let map = RadianceMap { width: 1, height: 2, rgb };
+        let path = dir.path().join("a.exr");
+        std::fs::write(&path, map.exr().unwrap()).unwrap();
+        assert_eq!(RadianceMap::read(&path).unwrap(), map);
+    }
 
     #[test]
     fn reads_radiance_files_and_names_what_is_wrong_with_others() {

@@ -2,10 +2,10 @@
 
 use crate::arrays::{Shape, Vectors};
 use btf_runtime::{
-    DecodeOptions, HeightUse, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample, SurfaceSide, density,
-    evaluate_many, sample,
+    DecodeOptions, HeightField, HeightUse, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample,
+    SurfaceSide, density, evaluate_many, sample,
 };
-use numpy::PyArrayDyn;
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -255,6 +255,16 @@ impl PyAsset {
         let resident = &self.file.resident;
         shape.visit(&at, |at| next.by_ref().take(1).for_each(|uv| *uv = resident.uv_between(level, *uv, at)))?;
         shape.array(py, places.into_flattened(), Some(2))
+    }
+
+    /// Returns the heights of the front's texels above the plane of the capture, (rows, columns) from the top left, in widths
+    /// of a texel; None where the asset has none.
+    fn heights<'py>(&self, py: Python<'py>) -> PyResult<Option<Numbers<'py>>> {
+        let resident = &self.file.resident;
+        let layer = resident.layer_for_sides(0, SurfaceSide::Front, SurfaceSide::Front);
+        let Some(field) = layer.and_then(|layer| HeightField::of_resident(resident, layer)) else { return Ok(None) };
+        let [columns, rows] = field.size();
+        PyArray1::from_vec(py, field.heights()).reshape(vec![rows, columns]).map(Some)
     }
 
     /// Returns the asset's description as a dict: the material description of its file (name, ...), and width, height,

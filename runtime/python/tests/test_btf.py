@@ -55,6 +55,12 @@ class Opening(Module):
         self.assertIn("64 x 64 texels", repr(self.asset))
         self.assertRegex(btf.__version__, r"^\d+\.\d+\.\d+")
 
+    def test_heights_are_in_widths_of_a_texel_or_absent(self):
+        heights = self.asset.heights()
+        if heights is not None:
+            self.assertEqual((heights.shape, heights.dtype), ((64, 64), np.float32))
+            self.assertGreater(float(np.ptp(heights)), 0.0)
+
     def test_all_levels_are_there_where_they_are_asked_for(self):
         whole = btf.open(str(ASSET), levels="all", threads=2)
         self.assertEqual(whole.meta["levels"], 7)

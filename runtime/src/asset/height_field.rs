@@ -33,6 +33,11 @@ impl HeightField<'_> {
         self.range
     }
 
+    /// Returns the height of each texel, row by row from the top, in texel widths.
+    pub fn heights(&self) -> Vec<f32> {
+        (0..self.size[0] * self.size[1]).map(|texel| self.of_texel(texel)).collect()
+    }
+
     #[inline(always)]
     fn of_texel(&self, texel: usize) -> f32 {
         self.step * f32::from(self.codes[texel])

@@ -18,7 +18,7 @@ struct PictureReport {
     landscape: Option<LandscapeCounts>,
 }
 
-/// Renders one picture, a turntable or a sequence, writes PNG files and reports the figures.
+/// Renders one picture, a turntable or a sequence, writes the files and reports the figures.
 ///
 /// # Errors
 /// The errors of [`render_sequence`]; [`ViewerError::Write`].
@@ -45,7 +45,7 @@ pub(super) fn write_pictures(
                 return Err(ViewerError::Interrupted);
             }
             let path = if several { numbered(out, number) } else { out.to_path_buf() };
-            rendered.picture.write_png(&path, scene.exposure_ev)?;
+            rendered.picture.write(&path, scene.exposure_ev)?;
             reports.push((path, PictureReport { picture: rendered.report, landscape: counts.clone() }));
             Ok(())
         })

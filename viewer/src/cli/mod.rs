@@ -11,6 +11,7 @@ mod progress;
 mod render_arguments;
 mod report;
 mod scene_options;
+mod serve;
 mod show;
 mod view;
 
@@ -20,6 +21,7 @@ use clap::Parser;
 use landscape::LandscapeArguments;
 use plan::PlanArguments;
 use render_arguments::RenderArguments;
+use serve::ServeArguments;
 use std::process::ExitCode;
 use view::ViewArguments;
 
@@ -59,6 +61,10 @@ enum Command {
   btf-view scene grove --times 10 --camera 3 --headless --out grove.png --json -
   btf-view scene lawn --wind 4 --camera 2 --headless --out wind.png --sequence 50")]
     Scene(LandscapeArguments),
+    /// Draws pictures for another program, which asks for them on standard input
+    #[command(after_help = "A request is a line of JSON, as docs/reference/serve.md has it. Example:
+  echo '{\"scene\": \"scene.toml\", \"size\": [640, 480], \"frames\": 4}' | btf-view serve > answer")]
+    Serve(ServeArguments),
 }
 
 /// Runs the command that the arguments name and returns the program's exit code; an error is one line on stderr.
@@ -79,6 +85,7 @@ impl Arguments {
             Some(Command::Bench(bench)) => &bench.render,
             Some(Command::Plan(plan)) => &plan.render,
             Some(Command::Scene(landscape)) => &landscape.picture.render,
+            Some(Command::Serve(serve)) => &serve.render,
             None => &self.view.picture.render,
         }
     }
@@ -93,6 +100,7 @@ fn run_command(arguments: &Arguments) -> Result<(), ViewerError> {
         Some(Command::Bench(bench)) => bench::run(bench),
         Some(Command::Plan(plan)) => plan::run(plan),
         Some(Command::Scene(landscape)) => landscape::run(landscape),
+        Some(Command::Serve(serve)) => serve::run(serve),
         None => view::run(&arguments.view),
     }
 }

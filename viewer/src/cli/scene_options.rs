@@ -41,8 +41,8 @@ pub(super) struct PictureArguments {
     /// Renders a picture instead of opening a window
     #[arg(long, requires = "out")]
     pub(super) headless: bool,
-    /// The picture, 8-bit sRGB PNG
-    #[arg(long, value_name = "FILE.png", requires = "headless")]
+    /// The picture: .png in 8-bit sRGB, or .exr in linear radiance, without the exposure
+    #[arg(long, value_name = "FILE", requires = "headless")]
     pub(super) out: Option<PathBuf>,
     /// Size of the picture or window in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]

@@ -32,8 +32,21 @@ impl Environment {
     /// # Errors
     /// As [`RadianceMap::read`].
     pub fn load(path: &Path, gain: f32) -> Result<Environment, CaptureError> {
+        Environment::load_turned(path, gain, 0.0)
+    }
+
+    /// Reads an `.exr` or `.hdr` file as [`Environment::load`] does, turned about +y by `turn_deg`, to the nearest column
+    /// of the picture: by 90 its middle comes to lie towards -x.
+    ///
+    /// # Errors
+    /// As [`RadianceMap::read`].
+    pub fn load_turned(path: &Path, gain: f32, turn_deg: f32) -> Result<Environment, CaptureError> {
         let map = RadianceMap::read(path)?;
-        Ok(Environment::new(map.width, map.height, &map.rgb.iter().map(|x| x * gain).collect::<Vec<_>>()))
+        let mut rgb: Vec<f32> = map.rgb.iter().map(|x| x * gain).collect();
+        let columns = (f64::from(turn_deg) / 360.0 * map.width as f64).round() as i64;
+        let shift = columns.rem_euclid(map.width as i64) as usize;
+        rgb.chunks_exact_mut(3 * map.width).for_each(|row| row.rotate_left(3 * shift));
+        Ok(Environment::new(map.width, map.height, &rgb))
     }
 
     /// Returns the environment of linear radiance, `[row, column, rgb]`, finite and at least 0. Neither side is 0.
@@ -185,6 +198,24 @@ fn averaged_down(width: usize, height: usize, rgb: &[f32], most_columns: usize) 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_turned_picture_has_its_middle_towards_minus_x() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sky.exr");
+        // One bright column right of the middle, of eight.
+        let rgb = (0..32).flat_map(|pixel| [if pixel % 8 == 4 { 8.0 } else { 1.0 }; 3]).collect();
+        std::fs::write(&path, RadianceMap { width: 8, height: 4, rgb }.exr().unwrap()).unwrap();
+        // Half a column to the right of -z, and of -x.
+        let (sin, cos) = 22.5f32.to_radians().sin_cos();
+        let (ahead, left) = (glam::Vec3::new(sin, 0.0, -cos), glam::Vec3::new(-cos, 0.0, -sin));
+        let seen = |turn_deg: f32, towards: glam::Vec3| {
+            (2.0 * Environment::load_turned(&path, 0.5, turn_deg).unwrap().radiance(towards)[0]).round()
+        };
+        assert_eq!([seen(0.0, ahead), seen(0.0, left)], [8.0, 1.0]);
+        assert_eq!([seen(90.0, ahead), seen(90.0, left)], [1.0, 8.0]);
+        assert_eq!([seen(-270.0, left), seen(450.0, left), seen(88.0, left)], [8.0; 3]);
+    }
     use crate::sampler;
 
     /// A dim sky with a small sun.

@@ -23,11 +23,12 @@ impl Sun {
         (self.direction * cos + (across * cos_angle + other * sin_angle) * radius).normalize()
     }
 
-    /// Returns the radiance of the disc where it lies in `direction`, 0 beside it.
+    /// Returns the radiance of the disc where it lies in `direction`, 0 beside it; a sun without a size is not seen.
     pub(crate) fn sun_radiance(&self, direction: Vec3) -> Vec3 {
-        if 1.0 - direction.dot(self.direction) > self.sun_part() {
+        let part = self.sun_part();
+        if part <= 0.0 || 1.0 - direction.dot(self.direction) > part {
             return Vec3::ZERO;
         }
-        Vec3::from(self.irradiance) / (TAU * self.sun_part()).max(1e-9)
+        Vec3::from(self.irradiance) / (TAU * part).max(1e-9)
     }
 }

@@ -12,9 +12,9 @@ fn sun_sample(at: vec2<f32>) -> vec3<f32> {
     return normalize(frame.sun_direction * cos_here + (across * cos(angle) + other * sin(angle)) * radius);
 }
 
-// Returns the radiance of the disc where it lies in `direction`, 0 beside it.
+// Returns the radiance of the disc where it lies in `direction`, 0 beside it; a sun without a size is not seen.
 fn sun_radiance(direction: vec3<f32>) -> vec3<f32> {
-    if 1.0 - dot(direction, frame.sun_direction) > frame.sun_part {
+    if frame.sun_part <= 0.0 || 1.0 - dot(direction, frame.sun_direction) > frame.sun_part {
         return vec3<f32>(0.0);
     }
     return frame.sun_irradiance / max(SUN_TAU * frame.sun_part, 1e-9);

@@ -40,6 +40,30 @@ pub struct RenderParams {
     pub target_ms: Option<f64>,
 }
 
+impl RenderParams {
+    /// Checks that size, frames, depth and light samples are within their ranges.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`].
+    pub fn check(&self) -> Result<(), ViewerError> {
+        if self.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
+            return Err(ViewerError::Usage(format!(
+                "a picture's sides are 1 to {MAX_SIDE} pixels, as in --size 512x512"
+            )));
+        }
+        if self.frames == 0 {
+            return Err(ViewerError::Usage("--frames is at least 1".into()));
+        }
+        if !(1..=MAX_DEPTH).contains(&self.shade.depth) {
+            return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));
+        }
+        if !(1..=MAX_LIGHT_SAMPLES).contains(&self.shade.light_samples) {
+            return Err(ViewerError::Usage(format!("--light-samples is 1 to {MAX_LIGHT_SAMPLES}")));
+        }
+        Ok(())
+    }
+}
+
 /// The figures of a rendering; the keys of `--json`.
 #[derive(Debug, Clone, Serialize)]
 pub struct RenderReport {
@@ -180,20 +204,7 @@ impl Session {
     /// # Errors
     /// As [`render`].
     pub(crate) fn new(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Session, ViewerError> {
-        if params.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
-            return Err(ViewerError::Usage(format!(
-                "a picture's sides are 1 to {MAX_SIDE} pixels, as in --size 512x512"
-            )));
-        }
-        if params.frames == 0 {
-            return Err(ViewerError::Usage("--frames is at least 1".into()));
-        }
-        if !(1..=MAX_DEPTH).contains(&params.shade.depth) {
-            return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));
-        }
-        if !(1..=MAX_LIGHT_SAMPLES).contains(&params.shade.light_samples) {
-            return Err(ViewerError::Usage(format!("--light-samples is 1 to {MAX_LIGHT_SAMPLES}")));
-        }
+        params.check()?;
         if let Some(reason) = scene.camera.fault() {
             return Err(ViewerError::Usage(reason.into()));
         }

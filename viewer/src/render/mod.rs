@@ -6,3 +6,5 @@ pub(crate) mod governor;
 pub(crate) mod headless;
 pub(crate) mod plan;
 mod plan_memory;
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) mod server;

@@ -16,7 +16,7 @@ pub struct Camera {
     pub target: Vec3,
     /// Which way is up; need not be perpendicular to the viewing direction.
     pub up: Vec3,
-    /// Field of view across the shorter side of the picture, degrees, 1 to 170.
+    /// Field of view across the shorter side of the picture, degrees, 0.1 to 170.
     pub fov_deg: f32,
 }
 
@@ -62,8 +62,8 @@ impl Camera {
             Some("the camera's eye and target are the same point")
         } else if forward.normalize().cross(self.up.normalize_or_zero()).length() < 1e-6 {
             Some("the camera's up vector is zero or parallel to its viewing direction")
-        } else if !(1.0..=170.0).contains(&self.fov_deg) {
-            Some("the camera's fov_deg is not within 1 to 170")
+        } else if !(0.1..=170.0).contains(&self.fov_deg) {
+            Some("the camera's fov_deg is not within 0.1 to 170")
         } else {
             None
         }

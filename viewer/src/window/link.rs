@@ -92,7 +92,7 @@ impl LinkedView {
             && [eye, target, up].iter().all(usable)
             && eye != target
             && up.length() > 0.0
-            && (1.0..=170.0).contains(&fov_deg)
+            && (0.1..=170.0).contains(&fov_deg)
         {
             scene.camera = Camera { eye, target, up, fov_deg };
         }

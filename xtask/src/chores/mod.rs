@@ -1,6 +1,7 @@
 //! The chores, one file each: help, options, and the programs that the chore starts.
 
 pub mod bench;
+pub mod blender;
 pub mod book;
 pub mod check;
 pub mod demo;

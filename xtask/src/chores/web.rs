@@ -2,6 +2,7 @@
 
 use crate::arguments::asks_for_help;
 use crate::failure::Failure;
+use crate::files::bytes_of;
 use crate::metadata::Metadata;
 use crate::tools::{viewer_page, wasm, wasm_bindgen, web_package};
 use std::path::{Path, PathBuf};
@@ -53,6 +54,6 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
 }
 
 fn tell(page: &Path) -> Result<(), Failure> {
-    println!("{} ({:.1} MB)", page.display(), viewer_page::bytes_of(page)? as f64 / 1e6);
+    println!("{} ({:.1} MB)", page.display(), bytes_of(page)? as f64 / 1e6);
     Ok(())
 }

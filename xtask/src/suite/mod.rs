@@ -13,8 +13,8 @@ use crate::metadata::Metadata;
 use crate::shell::root;
 use crate::tools::python_module::{self, Build};
 use crate::tools::{
-    asset_tools, browser, compilers, driver, peers, shader_tools, viewer_page, wasm, wasm_bindgen, web_package,
-    window_tools,
+    asset_tools, blender, browser, compilers, driver, peers, shader_tools, viewer_page, wasm, wasm_bindgen,
+    web_package, window_tools,
 };
 use std::path::Path;
 use steps::Suite;
@@ -23,7 +23,7 @@ const HELP: &str = "\
 Runs everything that CI runs and goes on after a failure. First come the tests that need nothing but Rust, then format,
 dependency arrows, folders, licences, words, links of the documents, the C header, doc tests, clippy and docs; then what other programs need is
 installed (a software Vulkan driver, Xvfb, compilers and valgrind; below the target folder judges of shaders and files,
-Mitsuba and the Python module), and the tests run that use it, and the fuzz targets for some seconds. At the end everything
+Mitsuba, the Python module and Blender), and the tests run that use it, and the fuzz targets for some seconds. At the end everything
 that failed is listed; the last line sums it up: N passed, N failed, N skipped.
 
 Usage: cargo xtask test [--quick]
@@ -31,7 +31,7 @@ Usage: cargo xtask test [--quick]
   --quick   the tier for every edit: no GPU, no integration tests, no docs (under 5 minutes)
 
 BTF_SKIP_GPU=1 leaves the GPU tests out, BTF_SKIP_RAY_QUERY=1 those by ray queries, which an adapter may lack,
-BTF_SKIP_PEERS=1 the comparisons with Mitsuba, the Python module and what shader compilers say, BTF_SKIP_VALGRIND=1 the C
+BTF_SKIP_PEERS=1 the comparisons with Mitsuba, the Python module, the add-on for Blender and what shader compilers say, BTF_SKIP_VALGRIND=1 the C
 interface under valgrind, BTF_SKIP_WEB=1 the package for browsers; all are counted as skipped. A program that is not there and cannot be installed (a C compiler, valgrind, Node.js, Python) leaves out what needs it, which is counted as
 skipped, too; in CI, where CI or BTF_CI is set, that is a failure. BTF_PEERS_PYTHON names a Python that has Mitsuba and
 maturin already. BTF_DATA names the folder of the measured data, without which the tests that use it are skipped.
@@ -116,6 +116,12 @@ fn install(suite: &mut Suite, target: &Path) {
         let said = |result: Result<String, Failure>| result.map_err(|failure| failure.to_string());
         suite.check("rival codecs", || said(peers::check_peers(target)));
         suite.check("python", || said(python_module::build_and_test(target, Build::Tests)));
+        if suite.tool("Blender", None, || blender::ensure(target)) {
+            suite.step("add-on for Blender", || {
+                let extension = blender::build(target, Build::Tests).map_err(|failure| failure.to_string())?;
+                blender::test(target, &extension, Build::Tests).map_err(|failure| failure.to_string())
+            });
+        }
     }
     if suite.tool("WebAssembly", NO_WEB, || wasm::ensure(target)) {
         suite.tool("browser", NO_WEB, || browser::ensure(target));

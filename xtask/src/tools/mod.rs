@@ -3,11 +3,13 @@
 
 pub mod apt;
 pub mod asset_tools;
+pub mod blender;
 pub mod browser;
 pub mod compilers;
 pub mod driver;
 mod npm;
 pub mod peers;
+pub mod python_environment;
 pub mod python_module;
 pub mod shader_tools;
 pub mod viewer_page;

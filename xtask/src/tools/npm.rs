@@ -1,6 +1,6 @@
 //! Packages of npm that judge what we write, each in a folder of its own under the target folder.
 
-use super::peers::LEAVE_OUT;
+use super::python_environment::LEAVE_OUT;
 use crate::failure::Failure;
 use crate::shell::{answer_of, root, run_and_read};
 use std::path::Path;

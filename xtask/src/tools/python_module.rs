@@ -4,7 +4,7 @@
 use super::peers;
 use crate::failure::Failure;
 use crate::shell::{root, run_and_read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The package's folder, relative to the repository's root.
@@ -21,7 +21,7 @@ pub enum Build {
 
 impl Build {
     /// The name of cargo's profile.
-    fn profile(self) -> &'static str {
+    pub fn profile(self) -> &'static str {
         match self {
             Build::Release => "release",
             Build::Tests => "dev",
@@ -29,10 +29,15 @@ impl Build {
     }
 }
 
+/// Returns the folder of the one wheel that [`build_and_test`] makes.
+pub fn wheels(target: &Path) -> PathBuf {
+    target.join("peers/wheels")
+}
+
 /// Builds, installs and tests the module with the Python of [`peers::ensure`]. Returns one line that names the wheel.
 pub fn build_and_test(target: &Path, kind: Build) -> Result<String, Failure> {
     let python = peers::interpreter(target);
-    let (wheels, module) = (target.join("peers/wheels"), target.join("peers/btf"));
+    let (wheels, module) = (wheels(target), target.join("peers/btf"));
     for folder in [&wheels, &module] {
         if folder.exists() {
             std::fs::remove_dir_all(folder)

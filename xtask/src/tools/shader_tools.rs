@@ -2,7 +2,7 @@
 
 use super::apt::{self, Program};
 use super::npm::{self, Package};
-use super::peers::LEAVE_OUT;
+use super::python_environment::LEAVE_OUT;
 use crate::failure::Failure;
 use std::path::Path;
 

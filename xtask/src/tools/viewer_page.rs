@@ -4,6 +4,7 @@
 use super::{browser, wasm, wasm_bindgen};
 use crate::counts::{Counts, from_tap};
 use crate::failure::Failure;
+use crate::files::{copy, copy_folder, failed, files_of};
 use crate::shell::{cargo, root, run_and_read, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -75,38 +76,4 @@ pub fn test(target: &Path, page: &Path, package: &Path, profile: &str) -> Result
         Some(counts) if status.success() || counts.failed > 0 => Ok(counts),
         _ => Err(Failure::new(format!("the tests of the page did not run: see {TESTS}"))),
     }
-}
-
-/// Returns the bytes of all files of a folder.
-pub fn bytes_of(folder: &Path) -> Result<u64, Failure> {
-    let mut bytes = 0;
-    for entry in std::fs::read_dir(folder).map_err(|error| failed(folder, &error))?.flatten() {
-        bytes += match entry.path().is_dir() {
-            true => bytes_of(&entry.path())?,
-            false => entry.metadata().map_or(0, |data| data.len()),
-        };
-    }
-    Ok(bytes)
-}
-
-fn files_of(folder: &Path) -> Result<Vec<String>, Failure> {
-    let entries = std::fs::read_dir(folder).map_err(|error| failed(folder, &error))?;
-    Ok(entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect())
-}
-
-fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
-    std::fs::copy(from, to).map(|_| ()).map_err(|error| failed(from, &error))
-}
-
-fn copy_folder(from: &Path, to: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(to).map_err(|error| failed(to, &error))?;
-    for name in files_of(from)? {
-        let (from, to) = (from.join(&name), to.join(&name));
-        if from.is_dir() { copy_folder(&from, &to)? } else { copy(&from, &to)? }
-    }
-    Ok(())
-}
-
-fn failed(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::new(format!("{}: {error}", path.display()))
 }

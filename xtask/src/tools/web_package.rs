@@ -4,6 +4,7 @@
 use super::{browser, wasm};
 use crate::counts::{Counts, from_tap};
 use crate::failure::Failure;
+use crate::files::failed;
 use crate::shell::{answer_of, cargo, root, run_and_read, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -77,8 +78,4 @@ pub fn test(target: &Path, package: &Path, profile: &str) -> Result<Counts, Fail
         Some(counts) if status.success() || counts.failed > 0 => Ok(counts),
         _ => Err(Failure::new(format!("the tests of the package for browsers did not run: see {SCRIPTS}/tests"))),
     }
-}
-
-fn failed(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::new(format!("{}: {error}", path.display()))
 }

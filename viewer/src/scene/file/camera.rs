@@ -43,15 +43,7 @@ impl Cameras {
             Cameras::One(camera) => std::slice::from_ref(camera),
             Cameras::Several(cameras) => cameras,
         };
-        let cameras: Vec<Camera> = entries
-            .iter()
-            .map(|entry| Camera {
-                eye: entry.eye.into(),
-                target: entry.target.into(),
-                up: entry.up.into(),
-                fov_deg: entry.fov_deg,
-            })
-            .collect();
+        let cameras: Vec<Camera> = entries.iter().map(CameraEntry::camera).collect();
         if let Some(reason) = cameras.iter().find_map(Camera::fault) {
             return Err(source.fault(reason));
         }
@@ -61,5 +53,13 @@ impl Cameras {
             scene.place_lights(1);
         }
         Ok(())
+    }
+}
+
+impl CameraEntry {
+    /// Returns the camera, which may have a fault.
+    pub(super) fn camera(&self) -> Camera {
+        let CameraEntry { eye, target, up, fov_deg } = *self;
+        Camera { eye: eye.into(), target: target.into(), up: up.into(), fov_deg }
     }
 }

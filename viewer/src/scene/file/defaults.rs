@@ -24,3 +24,8 @@ pub(super) fn ones2() -> [f32; 2] {
 pub(super) fn ones3() -> [f32; 3] {
     [1.0; 3]
 }
+
+/// Returns the mean angular diameter of the sun, degrees.
+pub(super) fn sun_diameter_deg() -> f32 {
+    crate::light::sun::SUN_DIAMETER_DEG
+}

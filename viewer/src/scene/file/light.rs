@@ -1,10 +1,11 @@
-//! `[environment]`, `[daylight]`, `[[light]]` and `[ambient]` of a scene file.
+//! `[environment]`, `[daylight]`, `[sun]`, `[[light]]` and `[ambient]` of a scene file.
 
-use super::defaults::one;
+use super::defaults::{one, sun_diameter_deg};
 use super::source::Source;
 use crate::error::ViewerError;
 use crate::light::daylight::Daylight;
 use crate::light::environment::Environment;
+use crate::light::sun::Sun;
 use crate::scene::scene::{Ambient, DaylightParts, Outdoors, PointLight, Scene};
 use glam::Vec3;
 use serde::Deserialize;
@@ -16,6 +17,18 @@ pub(super) struct EnvironmentEntry {
     file: String,
     #[serde(default = "one")]
     gain: f32,
+    #[serde(default)]
+    turn_deg: f32,
+}
+
+/// `[sun]`: a light at infinity.
+#[derive(Deserialize, Clone)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SunEntry {
+    direction: [f32; 3],
+    irradiance: [f32; 3],
+    #[serde(default = "sun_diameter_deg")]
+    angular_diameter_deg: f32,
 }
 
 /// `[daylight]`: sun and clear sky of a moment at a place.
@@ -31,7 +44,7 @@ pub(super) struct DaylightEntry {
 }
 
 /// `[ambient]`: uniform light that near surfaces occlude.
-#[derive(Deserialize)]
+#[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AmbientEntry {
     radiance: [f32; 3],
@@ -39,7 +52,7 @@ pub(super) struct AmbientEntry {
 }
 
 /// `[[light]]`: a point light.
-#[derive(Deserialize)]
+#[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LightEntry {
     position: [f32; 3],
@@ -55,7 +68,33 @@ impl EnvironmentEntry {
         if !(self.gain.is_finite() && self.gain > 0.0) {
             return Err(source.fault("[environment] needs a gain above 0"));
         }
-        scene.surround(Environment::load(&source.beside(&self.file), self.gain)?);
+        if !self.turn_deg.is_finite() {
+            return Err(source.fault("[environment] has a turn_deg that is not a finite number"));
+        }
+        scene.surround(Environment::load_turned(&source.beside(&self.file), self.gain, self.turn_deg)?);
+        Ok(())
+    }
+}
+
+impl SunEntry {
+    /// Gives the scene this sun.
+    ///
+    /// # Errors
+    /// [`ViewerError::Scene`] for a direction that is none, an irradiance below 0 or a diameter that is not 0 to 90
+    /// degrees.
+    pub(super) fn put_into(&self, scene: &mut Scene, source: Source) -> Result<(), ViewerError> {
+        let direction = Vec3::from(self.direction).normalize_or_zero();
+        if direction == Vec3::ZERO {
+            return Err(source.fault("[sun] has a direction without length, give one towards the sun"));
+        }
+        if !self.irradiance.iter().all(|x| x.is_finite() && *x >= 0.0) {
+            return Err(source.fault("[sun] needs an irradiance of at least 0"));
+        }
+        if !(0.0..=90.0).contains(&self.angular_diameter_deg) {
+            return Err(source.fault("[sun] needs an angular_diameter_deg of 0 to 90"));
+        }
+        let (irradiance, angular_diameter_deg) = (self.irradiance, self.angular_diameter_deg);
+        scene.sun = Some(Sun { direction, angular_diameter_deg, irradiance });
         Ok(())
     }
 }
@@ -92,11 +131,9 @@ impl AmbientEntry {
     }
 }
 
-/// Gives the scene the point lights of the file, where it has any.
-pub(super) fn put_lights_into(scene: &mut Scene, lights: &[LightEntry]) {
-    if !lights.is_empty() {
-        let light =
-            |light: &LightEntry| PointLight { position: Vec3::from(light.position), intensity: light.intensity };
-        scene.lights = lights.iter().map(light).collect();
+impl LightEntry {
+    /// Returns the light.
+    pub(super) fn light(&self) -> PointLight {
+        PointLight { position: Vec3::from(self.position), intensity: self.intensity }
     }
 }

@@ -11,6 +11,7 @@ mod object;
 mod skin;
 mod source;
 mod transform;
+mod view;
 mod volume;
 mod volumetric;
 mod write;
@@ -21,7 +22,7 @@ use crate::scene::scene::{Scene, SceneMesh};
 use crate::scene::volume::read_volume;
 use crate::volume::skin::Wind;
 use camera::Cameras;
-use light::{AmbientEntry, DaylightEntry, EnvironmentEntry, LightEntry, put_lights_into};
+use light::{AmbientEntry, DaylightEntry, EnvironmentEntry, LightEntry, SunEntry};
 use material::{MaterialEntry, Materials};
 use object::{Dresser, ObjectEntry};
 use serde::Deserialize;
@@ -29,6 +30,7 @@ use skin::SkinEntry;
 use source::Source;
 use std::path::Path;
 use std::sync::Arc;
+pub use view::SceneView;
 use volume::{VolumeEntry, VolumeFiles, models_of, places_of};
 use volumetric::{put_volumes_into, put_wind_into};
 pub use write::scene_with_assets;
@@ -46,6 +48,7 @@ struct SceneFile {
     ambient: Option<AmbientEntry>,
     environment: Option<EnvironmentEntry>,
     daylight: Option<DaylightEntry>,
+    sun: Option<SunEntry>,
     #[serde(default, rename = "material")]
     materials: Vec<MaterialEntry>,
     #[serde(default, rename = "object")]
@@ -161,19 +164,32 @@ impl SceneFile {
         if let Some(daylight) = &self.daylight {
             daylight.put_into(scene, source)?;
         }
-        put_lights_into(scene, &self.lights);
+        if self.sun.is_some() && self.daylight.is_some() {
+            return Err(source.fault("it has a [sun] and a [daylight], which has a sun of its own: leave one"));
+        }
+        if let Some(sun) = &self.sun {
+            sun.put_into(scene, source)?;
+            scene.lights.clear();
+        }
+        if !self.lights.is_empty() {
+            scene.lights = self.lights.iter().map(LightEntry::light).collect();
+        }
         if let Some(ambient) = &self.ambient {
             ambient.put_into(scene, source)?;
         }
         scene.exposure_ev = self.exposure_ev;
         scene.background = self.background.unwrap_or(scene.background);
-        let numbers =
-            scene.lights.iter().flat_map(|light| light.position.to_array().into_iter().chain(light.intensity));
-        if !numbers.chain(scene.background).chain([scene.exposure_ev]).all(f32::is_finite) {
-            return Err(source.fault("a light, the background or the exposure has a number that is not finite"));
-        }
-        Ok(())
+        check_finite(scene, source)
     }
+}
+
+/// Checks that lights, background and exposure are finite.
+fn check_finite(scene: &Scene, source: Source) -> Result<(), ViewerError> {
+    let numbers = scene.lights.iter().flat_map(|light| light.position.to_array().into_iter().chain(light.intensity));
+    if !numbers.chain(scene.background).chain([scene.exposure_ev]).all(f32::is_finite) {
+        return Err(source.fault("a light, the background or the exposure has a number that is not finite"));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -173,3 +173,26 @@ fn a_scene_is_written_again_with_other_assets_from_another_folder() {
     assert_eq!(loaded.geometry.triangles().len(), scene.geometry.triangles().len());
     assert_eq!((loaded.assets.len(), loaded.camera), (2, scene.camera));
 }
+
+#[test]
+fn a_sun_lights_from_its_direction_and_takes_the_usual_lamp_away() {
+    let plane = format!("{GREY}[[object]]\nmesh = \"plane\"\nmaterial = \"grey\"\n");
+    let scene = load(&format!("{plane}[sun]\ndirection = [0, 3, 4]\nirradiance = [1, 2, 3]\n")).unwrap();
+    let sun = scene.sun.unwrap();
+    assert_eq!((sun.direction, sun.irradiance), (Vec3::new(0.0, 0.6, 0.8), [1.0, 2.0, 3.0]));
+    assert_eq!(sun.angular_diameter_deg, crate::light::sun::SUN_DIAMETER_DEG);
+    assert!(scene.lights.is_empty());
+    for (bad, reason) in [
+        ("[sun]\ndirection = [0, 0, 0]\nirradiance = [1, 1, 1]\n", "without length"),
+        ("[sun]\ndirection = [0, 1, 0]\nirradiance = [1, -1, 1]\n", "irradiance of at least 0"),
+        ("[sun]\ndirection = [0, 1, 0]\nirradiance = [1, 1, 1]\nangular_diameter_deg = 91\n", "0 to 90"),
+        (
+            "[sun]\ndirection = [0, 1, 0]\nirradiance = [1, 1, 1]\n[daylight]\ndate_time = \"2026-06-21T12:00+02:00\"\n\
+             place = \"52.5,13.4\"\n",
+            "leave one",
+        ),
+    ] {
+        let message = load(&format!("{plane}{bad}")).unwrap_err().to_string();
+        assert!(message.contains(reason), "{message}");
+    }
+}
