@@ -1,11 +1,12 @@
 //! Opens captures and reads their images.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::error::CaptureError;
 use crate::images::decoded::{DecodedImage, ImageFault, Samples};
 use crate::images::file_format::{self, FileFormat};
-use crate::info::CaptureInfo;
+use crate::info::{CaptureInfo, ImageFormat};
 use crate::layout::grid::grid_of;
 use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES};
 use crate::layout::source::{MAX_FILE_BYTES, Source};
@@ -24,10 +25,10 @@ const MAX_BYTES_PER_TEXEL: u64 = 64;
 /// Most bytes of an EXR file per texel: 256 float channels, because channels may be wavelengths.
 const MAX_SPECTRAL_BYTES_PER_TEXEL: u64 = 1024;
 
-/// A capture of any kind, open for reading from any number of threads.
-#[derive(Debug)]
+/// A capture of any kind, open for reading from any number of threads. A clone is another handle of the same images.
+#[derive(Debug, Clone)]
 pub struct Capture {
-    pub(crate) images: Images,
+    pub(crate) images: Arc<Images>,
     info: CaptureInfo,
 }
 
@@ -43,6 +44,8 @@ pub(crate) enum Images {
     },
     /// One UBO2014 file that all images are computed from.
     Container(Box<Container>),
+    /// Linear values in memory, `[pair, texel, channel]`.
+    Memory(Vec<f32>),
 }
 
 /// Pixels of one image, row-major from the top left, `[texel, channel]`, three channels.
@@ -93,6 +96,22 @@ impl Capture {
         }
     }
 
+    /// Makes a capture of linear images in memory: reflectance x cosine `[view, light, texel, channel]`, three channels,
+    /// texels row by row from the top left. The format of `info` is [`ImageFormat::Exr`].
+    ///
+    /// # Errors
+    /// [`CaptureError::BadImages`] for another number of values than `info` has, [`CaptureError::BadSides`]. Values are
+    /// checked when they are read.
+    pub fn from_linear(info: CaptureInfo, images: Vec<f32>) -> Result<Capture, CaptureError> {
+        let expected = info.pair_count() * info.texel_count() * 3;
+        if info.format != ImageFormat::Exr || expected == 0 || images.len() != expected {
+            let reason = format!("{} values, where directions and size ask for {expected}", images.len());
+            return Err(CaptureError::BadImages { reason });
+        }
+        info.check_sides().map_err(|reason| CaptureError::BadSides { path: info.name.clone(), reason })?;
+        Ok(Capture { images: Arc::new(Images::Memory(images)), info })
+    }
+
     fn open_container(path: &Path, name: String) -> Result<Capture, CaptureError> {
         let (container, mut info) = Container::open(path, name)?;
         let beside = path.with_extension("toml");
@@ -106,7 +125,7 @@ impl Capture {
             apply_manifest(bytes, &beside.display().to_string(), &mut info)?;
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: path.display().to_string(), reason })?;
-        let capture = Capture { images: Images::Container(Box::new(container)), info };
+        let capture = Capture { images: Arc::new(Images::Container(Box::new(container))), info };
         capture.read(0, 0)?;
         Ok(capture)
     }
@@ -131,7 +150,7 @@ impl Capture {
             apply_manifest(source.read(file, MAX_MANIFEST_BYTES)?, &source.shown(file), &mut info)?;
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: root, reason })?;
-        let images = Images::Files { source, format: grid.format, files: grid.files };
+        let images = Arc::new(Images::Files { source, format: grid.format, files: grid.files });
         let mut capture = Capture { images, info };
         let first = capture.decode(0, 0, None)?;
         (capture.info.width, capture.info.height) = (first.width, first.height);
@@ -146,8 +165,8 @@ impl Capture {
 
     /// Returns what a UBO2014 file says beyond the [`CaptureInfo`]; `None` for captures of image files.
     pub fn container(&self) -> Option<&ContainerInfo> {
-        match &self.images {
-            Images::Files { .. } => None,
+        match &*self.images {
+            Images::Files { .. } | Images::Memory(_) => None,
             Images::Container(container) => Some(container.info()),
         }
     }
@@ -158,11 +177,15 @@ impl Capture {
     /// If `view` or `light` is out of range.
     pub fn path_of(&self, view: usize, light: usize) -> String {
         let pair = self.pair(view, light);
-        match &self.images {
+        match &*self.images {
             Images::Files { source, files, .. } => source.shown(files[pair]),
             Images::Container(container) => {
                 let (view, light) = (self.info.views.directions()[view], self.info.lights.directions()[light]);
                 format!("{}: view {view}, light {light}", container.path().display())
+            }
+            Images::Memory(_) => {
+                let (view, light) = (self.info.views.directions()[view], self.info.lights.directions()[light]);
+                format!("{}: view {view}, light {light}", self.info.name)
             }
         }
     }
@@ -191,9 +214,15 @@ impl Capture {
 
     fn decode(&self, view: usize, light: usize, size: Option<(usize, usize)>) -> Result<DecodedImage, CaptureError> {
         let pair = self.pair(view, light);
-        let (source, format, file) = match &self.images {
+        let (source, format, file) = match &*self.images {
             Images::Files { source, format, files } => (source, *format, files[pair]),
             Images::Container(container) => return Ok(container.image(view, light)),
+            Images::Memory(images) => {
+                let (width, height) = (self.info.width, self.info.height);
+                let values = width * height * 3;
+                let samples = Samples::F32(images[pair * values..(pair + 1) * values].to_vec());
+                return Ok(DecodedImage { width, height, samples });
+            }
         };
         let per_texel = if format == FileFormat::Exr { MAX_SPECTRAL_BYTES_PER_TEXEL } else { MAX_BYTES_PER_TEXEL };
         let limit =

@@ -53,6 +53,11 @@ impl Direction {
         Direction { theta_deg: theta_deg + 0.0, phi_deg: phi_deg + 0.0 }
     }
 
+    /// Returns the direction of a vector that is not 0, of whatever length.
+    pub fn of_vector([x, y, z]: [f64; 3]) -> Direction {
+        Direction::new(x.hypot(y).atan2(z).to_degrees(), y.atan2(x).to_degrees())
+    }
+
     /// Returns the unit vector `(sin t cos p, sin t sin p, cos t)`.
     pub fn unit(self) -> [f32; 3] {
         self.unit_f64().map(|c| c as f32)

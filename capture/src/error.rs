@@ -212,6 +212,12 @@ pub enum CaptureError {
         /// Fault and remedy.
         reason: String,
     },
+    /// Images in memory that do not fit the capture's description.
+    #[error("the images have {reason}")]
+    BadImages {
+        /// What they have, and what was expected.
+        reason: String,
+    },
     /// Directions that do not agree with the capture's side.
     #[error("{path} cannot be used: {reason}")]
     BadSides {

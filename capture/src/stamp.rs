@@ -29,7 +29,7 @@ impl FileStamp {
 impl Capture {
     /// Returns the name, size and time of every file that the capture is read from, `capture.toml` and lists among
     /// them, sorted by name. Two calls return the same only if the capture did not change in between, unless somebody
-    /// set the clock back.
+    /// set the clock back. A capture in memory is read from no file.
     ///
     /// # Errors
     /// [`CaptureError::Read`] or [`CaptureError::NotFound`] for a file that is gone.
@@ -37,7 +37,7 @@ impl Capture {
     /// Cost: a look at each file's entry, a few milliseconds for 6561 of them.
     pub fn stamps(&self) -> Result<Vec<FileStamp>, CaptureError> {
         let own_name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        match &self.images {
+        match &*self.images {
             Images::Files { source, .. } => match source.archive() {
                 Some(path) => Ok(vec![FileStamp::of(path, own_name(path))?]),
                 None => {
@@ -53,6 +53,7 @@ impl Capture {
                 }
                 Ok(stamps)
             }
+            Images::Memory(_) => Ok(Vec::new()),
         }
     }
 }

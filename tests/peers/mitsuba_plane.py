@@ -1,6 +1,6 @@
-"""Renders a plane that carries a packed asset with Mitsuba 3 (`scalar_rgb`) and runtime/python/examples/mitsuba_btf.py.
+"""Renders a plane that carries a packed asset with Mitsuba 3 (`scalar_rgb`) and `btf.mitsuba`.
 
-In (JSON on stdin): {"plugin": folder of mitsuba_btf.py, "asset": path, "uv_scale": x, "size": [width, height],
+In (JSON on stdin): {"asset": path, "uv_scale": x, "size": [width, height],
 "camera": {"eye", "target", "up", "fov_deg"}, "light": {"position", "intensity"}, "pictures": [[flip_v, path], ...],
 "eyes": [[x, y, z], ...]}.
 
@@ -20,6 +20,7 @@ import mitsuba as mi
 import numpy as np
 
 mi.set_variant("scalar_rgb")
+import btf.mitsuba  # noqa: E402, F401, registers the BSDF of the variant
 
 DRAWS, SIDE = 6000, 80
 
@@ -78,9 +79,6 @@ def furnace(query, eye):
 
 def main():
     query = json.load(sys.stdin)
-    sys.path.insert(0, query["plugin"])
-    import mitsuba_btf  # noqa: F401, registers the BSDF
-
     for flip_v, path in query["pictures"]:
         picture(query, flip_v).tofile(path)
     json.dump({"version": mi.__version__, "furnace": [furnace(query, eye) for eye in query["eyes"]]}, sys.stdout)

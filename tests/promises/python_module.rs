@@ -7,11 +7,14 @@
 //! are skipped, and counted as such.
 
 use crate::mitsuba_peers::interpreter;
+use btf_capture::RadianceMap;
 use btf_runtime::testing::{Random, sample_asset, sample_heights};
 use btf_runtime::{
     Asset, DecodeOptions, Interpolation, Query, Resident, ResidualKind, density, evaluate, pack, serial, with_levels,
 };
-use btf_viewer::{BackendChoice, Control, RenderParams, SceneAsset, ShadeOptions, load_scene, render};
+use btf_viewer::{
+    BackendChoice, Control, Filter, RenderMode, RenderParams, SceneAsset, ShadeOptions, load_scene, render,
+};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -50,7 +53,9 @@ fn python(script: &str) -> Option<Command> {
         return None;
     };
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let sources = newest(&root.join("runtime/src")).max(newest(&root.join("runtime/python/src")));
+    let sources = ["runtime/src", "fit/src", "capture/src", "python/src", "python/package"]
+        .map(|folder| newest(&root.join(folder)));
+    let sources = sources.into_iter().max().unwrap_or(SystemTime::UNIX_EPOCH);
     assert!(sources <= stamp, "the Python module is older than its sources: run `cargo xtask python`");
     let mut command = Command::new(program);
     command.arg(root.join("tests/peers").join(script)).env("PYTHONPATH", module).env("PYTHONDONTWRITEBYTECODE", "1");
@@ -187,9 +192,8 @@ fn mitsuba_draws_the_plane_that_our_renderer_draws() {
     let camera = json!({ "eye": [0.9, -1.6, 2.1], "target": [0.1, 0.05, 0.0], "up": [0.1, 1.0, 0.2], "fov_deg": 40.0 });
     let light = json!({ "position": [-0.7, 0.5, 1.3], "intensity": [3.0, 2.0, 1.0] });
     let [upright, flipped] = ["upright.f32", "flipped.f32"].map(|name| folder.path().join(name));
-    let plugin = Path::new(env!("CARGO_MANIFEST_DIR")).join("../runtime/python/examples");
     let query = json!({
-        "plugin": plugin, "asset": asset, "uv_scale": UV_SCALE, "size": SIZE, "camera": camera, "light": light,
+        "asset": asset, "uv_scale": UV_SCALE, "size": SIZE, "camera": camera, "light": light,
         "pictures": [[false, upright], [true, flipped]], "eyes": [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.48, 0.64, 0.6]],
     });
     let answer: Value = serde_json::from_slice(&answer_of(command, query.to_string().as_bytes())).unwrap();
@@ -216,4 +220,96 @@ fn mitsuba_draws_the_plane_that_our_renderer_draws() {
         println!("reflected: {sampled:.4} by samples, {integrated:.4} by all directions; densities {density:e}");
         assert!((sampled / integrated - 1.0).abs() < 0.03 && density < 1e-4, "{row}");
     }
+}
+
+/// Pixels of the pictures of paths, and samples of each.
+const PATH_SIZE: [u32; 2] = [48, 32];
+const PATH_SAMPLES: u32 = 1024;
+/// Pixels of a block, along each side, over which pictures are averaged: what is left of the noise is well below one percent.
+const BLOCK: usize = 8;
+
+/// Means over blocks of pixels.
+fn block_means(pixels: &[f32]) -> Vec<f64> {
+    let [width, height] = PATH_SIZE.map(|side| side as usize);
+    let mut means = vec![0.0; width / BLOCK * (height / BLOCK) * 3];
+    for (at, value) in pixels.iter().enumerate() {
+        let (x, y, channel) = (at / 3 % width / BLOCK, at / 3 / width / BLOCK, at % 3);
+        means[(y * (width / BLOCK) + x) * 3 + channel] += f64::from(*value) / (BLOCK * BLOCK) as f64;
+    }
+    means
+}
+
+/// Mean difference of blocks, relative to their values.
+fn block_difference(a: &[f32], b: &[f32]) -> f64 {
+    let (a, b) = (block_means(a), block_means(b));
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(&b).map(|(a, b)| (a - b).abs() / a.max(1e-6)).sum::<f64>() / a.len() as f64
+}
+
+/// Columns and rows of the sky: so many that it does not count how renderers interpolate between them.
+const SKY_SIZE: [usize; 2] = [128, 64];
+
+/// A sky with a red and a blue light, `[row, column, rgb]`.
+fn sky() -> Vec<[f32; 3]> {
+    let light = |x: f32, y: f32, at: [f32; 2], width: f32| (-((x - at[0]).powi(2) + (y - at[1]).powi(2)) / width).exp();
+    let pixel = |pixel: usize| {
+        // In sixteenths of a turn.
+        let (x, y) = ((pixel % SKY_SIZE[0]) as f32 / 8.0, (pixel / SKY_SIZE[0]) as f32 / 8.0);
+        [0.3 + 2.0 * light(x, y, [11.0, 2.0], 3.0), 0.3, 0.3 + 1.5 * light(x, y, [3.0, 3.0], 4.0)]
+    };
+    (0..SKY_SIZE[0] * SKY_SIZE[1]).map(pixel).collect()
+}
+
+#[test]
+fn mitsuba_traces_the_paths_that_our_renderer_traces() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = write_asset(folder.path());
+    let Some(command) = python("mitsuba_paths.py") else { return };
+    let camera = json!({ "eye": [0.3, -2.6, 1.6], "target": [0.0, 0.3, 0.4], "up": [0.0, 0.0, 1.0], "fov_deg": 40.0 });
+    let rows: Vec<Vec<[f32; 3]>> = sky().chunks(SKY_SIZE[0]).map(<[_]>::to_vec).collect();
+    let [same, turned] = ["same.f32", "turned.f32"].map(|name| folder.path().join(name));
+    let query = json!({
+        "asset": asset, "uv_scale": 3.0, "size": PATH_SIZE, "depth": 4, "samples": PATH_SAMPLES, "camera": camera,
+        "environment": rows, "pictures": [[false, same], [true, turned]],
+    });
+    let answer: Value = serde_json::from_slice(&answer_of(command, query.to_string().as_bytes())).unwrap();
+
+    let map = RadianceMap { width: SKY_SIZE[0], height: SKY_SIZE[1], rgb: sky().into_flattened() };
+    std::fs::write(folder.path().join("sky.exr"), map.exr().unwrap()).unwrap();
+    let scene = format!(
+        "[camera]\neye = {}\ntarget = {}\nup = {}\nfov_deg = {}\n[environment]\nfile = \"sky.exr\"\n\
+         [[material]]\nname = \"m\"\nasset = 0\nuv_scale = [3.0, 3.0]\n[[object]]\nmesh = \"plane\"\nmaterial = \"m\"\n\
+         [[object]]\nmesh = \"plane\"\nmaterial = \"m\"\nrotate_deg = [90, 0, 0]\ntranslate = [0, 1, 1]\n",
+        camera["eye"], camera["target"], camera["up"], camera["fov_deg"],
+    );
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, scene).unwrap();
+    let scene = load_scene(&path, vec![Arc::new(SceneAsset::load(&asset).unwrap())]).unwrap();
+    let shade = ShadeOptions {
+        levels: false,
+        filter: Filter::Nearest,
+        mode: RenderMode::Path,
+        depth: 4,
+        ..ShadeOptions::default()
+    };
+    let backend = BackendChoice::Cpu;
+    let params = RenderParams { size: PATH_SIZE, frames: PATH_SAMPLES, backend, adapter: None, shade, target_ms: None };
+    let ours = render(&scene, &params, &Control::SILENT).unwrap().picture.radiance.into_flattened();
+
+    let read = |path: &Path| floats(&std::fs::read(path).unwrap());
+    let difference = block_difference(&ours, &read(&same));
+    println!("Mitsuba {}, paths of 4 rays: blocks differ by {:.2} %", answer["version"], 100.0 * difference);
+    assert!(difference < 0.01, "{difference}");
+    let furnace = answer["furnace"].as_f64().unwrap();
+    println!("a white sphere in surroundings of radiance 1 has {furnace:.4}");
+    assert!((furnace - 1.0).abs() < 0.01, "{furnace}");
+    // Planted differences: the sky turned, two percent more light, and paths that end at the first surface.
+    assert!(block_difference(&ours, &read(&turned)) > 0.05);
+    let brighter: Vec<f32> = ours.iter().map(|x| 1.02 * x).collect();
+    assert!(block_difference(&ours, &brighter) > 0.015);
+    let shorter = RenderParams { shade: ShadeOptions { depth: 1, ..shade }, ..params };
+    let shorter = render(&scene, &shorter, &Control::SILENT).unwrap().picture.radiance.into_flattened();
+    let without = block_difference(&ours, &shorter);
+    println!("without the further rays blocks differ by {:.2} %", 100.0 * without);
+    assert!(without > 0.015, "{without}");
 }

@@ -7,7 +7,8 @@ use std::process::{Command, Stdio};
 #[test]
 fn requests_are_answered_one_after_the_other_and_faults_are_sentences() {
     let dir = tempfile::tempdir().unwrap();
-    let scene = "[[object]]\nmesh = \"sphere\"\nmaterial = \"m\"\n[[material]]\nname = \"m\"\ndiffuse = [0.5, 0.5, 0.5]\n";
+    let scene =
+        "[[object]]\nmesh = \"sphere\"\nmaterial = \"m\"\n[[material]]\nname = \"m\"\ndiffuse = [0.5, 0.5, 0.5]\n";
     let path = dir.path().join("scene.toml");
     std::fs::write(&path, scene).unwrap();
     let mut server = Command::new(env!("CARGO_BIN_EXE_btf-view"))

@@ -24,7 +24,7 @@ mod shell;
 mod suite;
 mod tools;
 
-use chores::{bench, blender, book, check, demo, fuzz, gpu_report, header, python, setup, shaders, volumes, web};
+use chores::{bench, blender, book, c, check, demo, fuzz, gpu_report, header, python, setup, shaders, volumes, web};
 use failure::Failure;
 use std::process::ExitCode;
 
@@ -37,6 +37,7 @@ Chores:
   check   format and clippy only
   bench   time reading, clustering, fitting and decoding (criterion)
   blender build, install and test the add-on for Blender
+  c       build and install the library for C and C++
   book    make a site of the documents, target/book
   fuzz    fuzz the packed formats and the readers of models and captures with libFuzzer
   gpu-report
@@ -72,6 +73,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
     match chore.as_str() {
         "demo" => demo::run(rest),
         "test" => suite::run(rest),
+        "c" => c::run(rest),
         "check" => check::run(rest),
         "bench" => bench::run(rest),
         "blender" => blender::run(rest),

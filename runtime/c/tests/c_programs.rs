@@ -236,6 +236,37 @@ fn the_example_prints_a_table_or_a_sentence() {
 }
 
 #[test]
+fn cpp_gets_what_c_gets_and_assets_close_themselves() {
+    let name = "cpp_gets_what_c_gets_and_assets_close_themselves";
+    if is_absent("c++", name) {
+        return;
+    }
+    let files = write_files();
+    for standard in ["-std=c++17", "-std=c++20"] {
+        let program = files.folder.path().join("cpp");
+        let mut compiler = Command::new("c++");
+        compiler.args([standard, "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g", "-O1", "-pthread", "-I"]);
+        compiler
+            .arg(package().join("include"))
+            .arg(package().join("tests/check.cpp"))
+            .arg(libraries().join("libbtf.a"));
+        let output = run(compiler.args(["-lpthread", "-ldl", "-lm", "-o"]).arg(&program));
+        assert!(output.status.success(), "{standard}:\n{}", text_of(&output));
+        let arguments = [&files.asset, &files.damaged.join("flipped.spmm")];
+        let output = run(Command::new(&program).args(arguments));
+        assert!(output.status.success() && text_of(&output).contains("all holds"), "{standard}: {}", text_of(&output));
+        let leaves_valgrind_out = std::env::var_os("BTF_SKIP_VALGRIND").is_some_and(|value| value == "1");
+        if leaves_valgrind_out || is_absent("valgrind", name) {
+            continue;
+        }
+        let mut valgrind = Command::new("valgrind");
+        valgrind.args(["--quiet", "--leak-check=full", "--errors-for-leak-kinds=all"]);
+        let output = run(valgrind.arg(format!("--error-exitcode={FOUND}")).arg(&program).args(arguments));
+        assert!(output.status.success(), "{}", text_of(&output));
+    }
+}
+
+#[test]
 fn the_header_is_c99_c11_and_cpp17_without_a_warning() {
     if is_absent("cc", "the_header_is_c99_c11_and_cpp17_without_a_warning")
         || is_absent("c++", "the_header_is_c99_c11_and_cpp17_without_a_warning")

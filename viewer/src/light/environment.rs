@@ -208,8 +208,8 @@ mod tests {
         std::fs::write(&path, RadianceMap { width: 8, height: 4, rgb }.exr().unwrap()).unwrap();
         // Half a column to the right of -z, and of -x.
         let (sin, cos) = 22.5f32.to_radians().sin_cos();
-        let (ahead, left) = (glam::Vec3::new(sin, 0.0, -cos), glam::Vec3::new(-cos, 0.0, -sin));
-        let seen = |turn_deg: f32, towards: glam::Vec3| {
+        let (ahead, left) = (Vec3::new(sin, 0.0, -cos), Vec3::new(-cos, 0.0, -sin));
+        let seen = |turn_deg: f32, towards: Vec3| {
             (2.0 * Environment::load_turned(&path, 0.5, turn_deg).unwrap().radiance(towards)[0]).round()
         };
         assert_eq!([seen(0.0, ahead), seen(0.0, left)], [8.0, 1.0]);

@@ -152,6 +152,8 @@ mod tests {
             assert!(message.contains(words) && !message.contains('\n'), "{message}");
             assert_eq!(drawn(&mut server, &request(&path, "")), plain);
         }
-        assert!(serde_json::from_str::<PictureRequest>(r#"{"scene": "s", "size": [1, 1], "frames": 1, "x": 2}"#).is_err());
+        assert!(
+            serde_json::from_str::<PictureRequest>(r#"{"scene": "s", "size": [1, 1], "frames": 1, "x": 2}"#).is_err()
+        );
     }
 }

@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod blender;
 pub mod book;
+pub mod c;
 pub mod check;
 pub mod demo;
 pub mod fuzz;

@@ -13,7 +13,7 @@ use crate::metadata::Metadata;
 use crate::shell::root;
 use crate::tools::python_module::{self, Build};
 use crate::tools::{
-    asset_tools, blender, browser, compilers, driver, peers, shader_tools, viewer_page, wasm, wasm_bindgen,
+    asset_tools, blender, browser, c_package, compilers, driver, peers, shader_tools, viewer_page, wasm, wasm_bindgen,
     web_package, window_tools,
 };
 use std::path::Path;
@@ -108,7 +108,9 @@ fn install(suite: &mut Suite, target: &Path) {
     // Without a driver the tests fail and say how to get one: a renderer that was never drawn with is no renderer.
     suite.required_tool("driver", NO_GPU, driver::ensure);
     suite.tool("window tools", NO_GPU, window_tools::ensure);
-    suite.tool("tools for C", None, compilers::ensure);
+    if suite.tool("tools for C", None, compilers::ensure) {
+        suite.check("package for C++", || c_package::test(target, "dev").map_err(|failure| failure.to_string()));
+    }
     suite.tool("shader tools", NO_PEERS, shader_tools::ensure_validators);
     suite.tool("shader compiler", NO_PEERS, || shader_tools::ensure_dawn(target));
     suite.tool("asset tools", NO_PEERS, || asset_tools::ensure(target));

@@ -1,11 +1,14 @@
-//! The system's C and C++ compilers, which build the test programs in C, and valgrind, under which one of them runs.
+//! The system's C and C++ compilers, CMake and pkg-config, which build the test programs in C and C++, and valgrind, under
+//! which some of them run.
 
 use super::apt::{self, Program};
 use crate::failure::Failure;
 
-const COMPILERS: [Program; 2] = [
+const COMPILERS: [Program; 4] = [
     Program { name: "cc", package: "gcc", question: "--version" },
     Program { name: "c++", package: "g++", question: "--version" },
+    Program { name: "cmake", package: "cmake", question: "--version" },
+    Program { name: "pkg-config", package: "pkg-config", question: "--version" },
 ];
 const VALGRIND: Program = Program { name: "valgrind", package: "valgrind", question: "--version" };
 
@@ -14,7 +17,7 @@ pub fn valgrind_is_left_out() -> bool {
     std::env::var_os("BTF_SKIP_VALGRIND").is_some_and(|value| value == "1")
 }
 
-/// Finds the compilers and, unless it is left out, valgrind, or installs them. Returns one line with their versions.
+/// Finds the compilers, CMake, pkg-config and, unless it is left out, valgrind, or installs them. Returns one line with their versions.
 pub fn ensure() -> Result<String, Failure> {
     let valgrind = (!valgrind_is_left_out()).then_some(&VALGRIND);
     let programs: Vec<&Program> = COMPILERS.iter().chain(valgrind).collect();

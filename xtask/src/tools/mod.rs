@@ -5,6 +5,7 @@ pub mod apt;
 pub mod asset_tools;
 pub mod blender;
 pub mod browser;
+pub mod c_package;
 pub mod compilers;
 pub mod driver;
 mod npm;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The package's folder, relative to the repository's root.
-const PACKAGE: &str = "runtime/python";
+const PACKAGE: &str = "python";
 
 /// Profile in which the module is compiled.
 #[derive(Clone, Copy)]

@@ -35,6 +35,11 @@ impl<'py> Vectors<'py> {
         Ok(Vectors { array, name })
     }
 
+    /// Returns the array itself.
+    pub fn into_array(self) -> Bound<'py, PyArrayDyn<f32>> {
+        self.array
+    }
+
     /// Returns all axes but the last.
     fn leading(&self) -> &[usize] {
         &self.array.shape()[..self.array.ndim() - 1]

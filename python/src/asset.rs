@@ -1,8 +1,10 @@
 //! `btf.open` and `btf.Asset`.
 
 use crate::arrays::{Shape, Vectors};
+use crate::faults::capture_error;
+use btf_capture::write_file_atomically;
 use btf_runtime::{
-    DecodeOptions, HeightField, HeightUse, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample,
+    Asset, DecodeOptions, HeightField, HeightUse, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample,
     SurfaceSide, density, evaluate_many, sample,
 };
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
@@ -38,6 +40,7 @@ type Numbers<'py> = Bound<'py, PyArrayDyn<f32>>;
 #[pyclass(name = "Asset", module = "btf", frozen)]
 pub struct PyAsset {
     file: ResidentFile,
+    bytes: ResidentBytes,
     path: PathBuf,
 }
 
@@ -58,18 +61,10 @@ pub fn open(py: Python<'_>, path: PathBuf, levels: &str, threads: usize) -> PyRe
         other => return Err(PyValueError::new_err(format!("levels is '{other}': take 'file' or 'all'"))),
     };
     py.detach(|| {
-        let name = path.display();
-        let bytes = bytes_of(&path)
-            .map_err(|error| std::io::Error::new(error.kind(), format!("{name} cannot be read: {error}")))?;
-        // Threads of its own: rayon's common ones would be missing in a process that Python forks.
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map_err(|error| PyRuntimeError::new_err(format!("no threads for opening {name}: {error}")))?;
-        let opened =
-            pool.install(|| btf_runtime::open(bytes, levels, &|count, work| (0..count).into_par_iter().for_each(work)));
-        let file = opened.map_err(|error| PyValueError::new_err(format!("{name}: {error}")))?;
-        Ok(PyAsset { file, path })
+        let bytes = bytes_of(&path).map_err(|error| {
+            std::io::Error::new(error.kind(), format!("{} cannot be read: {error}", path.display()))
+        })?;
+        PyAsset::opened(bytes, path, levels, threads)
     })
 }
 
@@ -85,6 +80,35 @@ fn bytes_of(path: &Path) -> std::io::Result<ResidentBytes> {
 }
 
 impl PyAsset {
+    /// Opens bytes; `path` is for messages.
+    fn opened(bytes: ResidentBytes, path: PathBuf, levels: Levels, threads: usize) -> PyResult<PyAsset> {
+        let name = path.display();
+        // Threads of its own: rayon's common ones would be missing in a process that Python forks.
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|error| PyRuntimeError::new_err(format!("no threads for opening {name}: {error}")))?;
+        let parallel = |count: usize, work: &(dyn Fn(usize) + Sync)| (0..count).into_par_iter().for_each(work);
+        let opened = pool.install(|| btf_runtime::open(Arc::clone(&bytes), levels, &parallel));
+        let file = opened.map_err(|error| PyValueError::new_err(format!("{name}: {error}")))?;
+        Ok(PyAsset { file, bytes, path })
+    }
+
+    /// Opens the bytes of a file that was just made.
+    pub(crate) fn of_file_bytes(py: Python<'_>, bytes: Vec<u8>, path: PathBuf) -> PyResult<PyAsset> {
+        py.detach(|| PyAsset::opened(Arc::new(bytes), path, Levels::AtHand, 0))
+    }
+
+    /// Returns the file form, for measurements.
+    ///
+    /// # Errors
+    /// ValueError for an asset in resident form.
+    pub(crate) fn file_form(&self) -> PyResult<Asset> {
+        Asset::parse((*self.bytes).as_ref()).map_err(|error| {
+            PyValueError::new_err(format!("{} is no asset in its file form: {error}", self.path.display()))
+        })
+    }
+
     fn checked_level(&self, level: u32) -> PyResult<()> {
         let levels = self.file.resident.levels();
         if level < levels {
@@ -255,6 +279,20 @@ impl PyAsset {
         let resident = &self.file.resident;
         shape.visit(&at, |at| next.by_ref().take(1).for_each(|uv| *uv = resident.uv_between(level, *uv, at)))?;
         shape.array(py, places.into_flattened(), Some(2))
+    }
+
+    /// Writes the asset's file, never half of it.
+    ///
+    /// Raises OSError if it cannot be written.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let written = py.detach(|| write_file_atomically(&path, (*self.bytes).as_ref()));
+        written.map_err(|error| capture_error(&error))
+    }
+
+    /// Returns the length of the asset's file in bytes.
+    #[getter]
+    fn nbytes(&self) -> usize {
+        (*self.bytes).as_ref().len()
     }
 
     /// Returns the heights of the front's texels above the plane of the capture, (rows, columns) from the top left, in widths

@@ -1,0 +1,12 @@
+# While the first number is 0, the second one tells what goes together.
+set(PACKAGE_VERSION "@VERSION@")
+string(REGEX MATCH "^[0-9]+\\.[0-9]+" _btf_has "${PACKAGE_VERSION}")
+string(REGEX MATCH "^[0-9]+\\.?[0-9]*" _btf_asked "${PACKAGE_FIND_VERSION}")
+if(PACKAGE_FIND_VERSION STREQUAL PACKAGE_VERSION)
+  set(PACKAGE_VERSION_EXACT TRUE)
+endif()
+if(_btf_asked STREQUAL _btf_has AND NOT PACKAGE_VERSION VERSION_LESS PACKAGE_FIND_VERSION)
+  set(PACKAGE_VERSION_COMPATIBLE TRUE)
+else()
+  set(PACKAGE_VERSION_COMPATIBLE FALSE)
+endif()
