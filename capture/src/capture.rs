@@ -104,7 +104,11 @@ impl Capture {
     /// checked when they are read.
     pub fn from_linear(info: CaptureInfo, images: Vec<f32>) -> Result<Capture, CaptureError> {
         let expected = info.pair_count() * info.texel_count() * 3;
-        if info.format != ImageFormat::Exr || expected == 0 || images.len() != expected {
+        if info.texel_count() == 0 {
+            let reason = format!("{} columns and {} rows: give at least one texel", info.width, info.height);
+            return Err(CaptureError::BadImages { reason });
+        }
+        if info.format != ImageFormat::Exr || images.len() != expected {
             let reason = format!("{} values, where directions and size ask for {expected}", images.len());
             return Err(CaptureError::BadImages { reason });
         }

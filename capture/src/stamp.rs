@@ -29,7 +29,7 @@ impl FileStamp {
 impl Capture {
     /// Returns the name, size and time of every file that the capture is read from, `capture.toml` and lists among
     /// them, sorted by name. Two calls return the same only if the capture did not change in between, unless somebody
-    /// set the clock back. A capture in memory is read from no file.
+    /// set the clock back. A capture in memory has one, with a hash of its values for the time.
     ///
     /// # Errors
     /// [`CaptureError::Read`] or [`CaptureError::NotFound`] for a file that is gone.
@@ -53,7 +53,12 @@ impl Capture {
                 }
                 Ok(stamps)
             }
-            Images::Memory(_) => Ok(Vec::new()),
+            Images::Memory(values) => {
+                // FNV-1a over the bits, in place of a time.
+                let hash = |hash: u64, value: &f32| (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3);
+                let modified_ns = values.iter().fold(0xcbf2_9ce4_8422_2325, hash);
+                Ok(vec![FileStamp { name: self.info().name.clone(), bytes: 4 * values.len() as u64, modified_ns }])
+            }
         }
     }
 }

@@ -23,6 +23,7 @@ mod inspect;
 mod measure;
 mod metrics;
 mod monitor;
+mod output_path;
 mod params;
 mod peak_memory;
 mod pipeline;
@@ -72,6 +73,7 @@ pub use measure::image_decoder::{ImageDecoder, PairPlan, SAME_DIRECTION_DEG, Spo
 pub use measure::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb};
 pub use metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 pub use monitor::{Monitor, Stage};
+pub use output_path::{output_fault, real_path};
 pub use params::{ErrorMeasure, FitParams, Goal, KMeansEngine, Role, ValidFitParams};
 pub use peak_memory::peak_memory_bytes;
 pub use pipeline::description::description_bytes;

@@ -127,25 +127,36 @@ impl PyAsset {
         heights: &str,
         level: u32,
     ) -> PyResult<DecodeOptions> {
-        let interpolation = match interpolation {
-            "fast" => Interpolation::Fast,
-            "exact" => Interpolation::Exact,
-            other => {
-                return Err(PyValueError::new_err(format!("interpolation is '{other}': take 'fast' or 'exact'")));
-            }
-        };
-        let Some(heights) = HeightUse::ALL.into_iter().find(|known| known.name() == heights) else {
-            let sentence = format!("heights is '{heights}': take 'none', 'parallax' or 'relief'");
-            return Err(PyValueError::new_err(sentence));
-        };
+        let options = decode_options(components, lobes, interpolation, heights)?;
         self.checked_level(level)?;
-        Ok(DecodeOptions {
-            components: components.unwrap_or(u32::MAX),
-            lobes: lobes.unwrap_or(u32::MAX),
-            interpolation,
-            heights,
-        })
+        Ok(options)
     }
+}
+
+/// Takes the options of an evaluation as keywords have them.
+///
+/// # Errors
+/// ValueError for words that are none.
+pub(crate) fn decode_options(
+    components: Option<u32>,
+    lobes: Option<u32>,
+    interpolation: &str,
+    heights: &str,
+) -> PyResult<DecodeOptions> {
+    let interpolation = match interpolation {
+        "fast" => Interpolation::Fast,
+        "exact" => Interpolation::Exact,
+        other => return Err(PyValueError::new_err(format!("interpolation is '{other}': take 'fast' or 'exact'"))),
+    };
+    let Some(heights) = HeightUse::ALL.into_iter().find(|known| known.name() == heights) else {
+        return Err(PyValueError::new_err(format!("heights is '{heights}': take 'none', 'parallax' or 'relief'")));
+    };
+    Ok(DecodeOptions {
+        components: components.unwrap_or(u32::MAX),
+        lobes: lobes.unwrap_or(u32::MAX),
+        interpolation,
+        heights,
+    })
 }
 
 /// Broadcasts the arrays against each other; returns their places and their shape.

@@ -25,6 +25,7 @@ pub fn fit_error(error: &FitError) -> PyErr {
     match error {
         FitError::Capture(error) => capture_error(error),
         FitError::File { .. } => PyOSError::new_err(error.to_string()),
-        _ => value_error(error.to_string()),
+        // Options of the command line are keywords here.
+        _ => value_error(error.to_string().replace("--", "")),
     }
 }

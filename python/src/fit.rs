@@ -1,14 +1,15 @@
 //! `btf.fit` and `btf.compare`.
 
-use crate::asset::PyAsset;
+use crate::asset::{PyAsset, decode_options};
 use crate::capture::capture_of;
-use crate::faults::{fit_error, value_error};
+use crate::faults::{capture_error, fit_error, value_error};
 use crate::work;
-use btf_capture::{Capture, bytes_from_text, write_file_atomically};
+use btf_capture::{AtomicFile, Capture, bytes_from_text, write_file_atomically};
 use btf_fit::{
-    ErrorMeasure, FitParams, MeasureParams, Metrics, fit_and_measure, layer_for_capture, measure, resident_in_parallel,
+    ErrorMeasure, FitParams, MeasureParams, Metrics, fit_and_measure, layer_for_capture, measure, output_fault,
+    resident_in_parallel,
 };
-use btf_runtime::{Asset, DecodeOptions, HeightUse, Interpolation};
+use btf_runtime::Asset;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::path::{Path, PathBuf};
@@ -50,6 +51,13 @@ pub fn fit(
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<PyAsset> {
     let captures = captures_of(capture)?;
+    if let Some(output) = &output {
+        // Before the work, not after it; the temporary file goes with the drop.
+        if let Some(sentence) = output_fault(output, &paths_in(capture)?) {
+            return Err(value_error(sentence));
+        }
+        drop(AtomicFile::create(output).map_err(|error| capture_error(&error))?);
+    }
     let usual = FitParams::default();
     let mut params = FitParams {
         bytes: bytes.map(|size| size_of(size, "bytes")).transpose()?,
@@ -112,19 +120,7 @@ pub fn compare<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let capture = capture_of(capture)?;
     let parsed = asset_of(asset)?;
-    let interpolation = match interpolation {
-        "fast" => Interpolation::Fast,
-        "exact" => Interpolation::Exact,
-        other => return Err(value_error(format!("interpolation is '{other}': take 'fast' or 'exact'"))),
-    };
-    let heights = HeightUse::ALL.into_iter().find(|known| known.name() == heights);
-    let heights = heights.ok_or_else(|| value_error("heights is none of 'none', 'parallax' and 'relief'"))?;
-    let options = DecodeOptions {
-        components: components.unwrap_or(u32::MAX),
-        lobes: lobes.unwrap_or(u32::MAX),
-        interpolation,
-        heights,
-    };
+    let options = decode_options(components, lobes, interpolation, heights)?;
     let memory_bytes = memory.map_or(Ok(FitParams::default().memory_bytes), |size| size_of(size, "memory"))?;
     let metrics = work::run(py, progress, threads, |monitor| {
         let layer = layer_for_capture(capture.info(), &parsed)?;
@@ -151,6 +147,14 @@ fn captures_of(value: &Bound<'_, PyAny>) -> PyResult<Vec<Capture>> {
     match captures.is_empty() {
         false => Ok(captures),
         true => Err(value_error("the list of captures is empty: give one for each layer")),
+    }
+}
+
+/// Returns the paths among one capture or a list of them.
+fn paths_in(value: &Bound<'_, PyAny>) -> PyResult<Vec<PathBuf>> {
+    match value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+        true => value.try_iter()?.filter_map(|one| one.map(|one| one.extract().ok()).transpose()).collect(),
+        false => Ok(value.extract().into_iter().collect()),
     }
 }
 

@@ -51,6 +51,8 @@ pub fn run<T: Send>(
         loop {
             let next = py.detach(|| told.lock().ok().map(|told| told.recv_timeout(PATIENCE)));
             let heard = match next {
+                // What has ended the work is not asked again.
+                Some(Ok(_)) if failure.is_some() => Ok(()),
                 Some(Ok(told)) => pass_on(py, progress, told),
                 Some(Err(RecvTimeoutError::Timeout)) if !worker.is_finished() => Ok(()),
                 _ => break,

@@ -8,7 +8,6 @@ import tempfile
 import threading
 import time
 import unittest
-import warnings
 from pathlib import Path
 
 import btf
@@ -157,5 +156,4 @@ class Ending(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    warnings.simplefilter("error")
     unittest.main()

@@ -20,10 +20,10 @@ def absolute_path(path):
 
     Raises AssetError where no file is there.
     """
-    absolute = bpy.path.abspath(path)
+    absolute = os.path.abspath(bpy.path.abspath(path)) if path else ""
     if not os.path.isfile(absolute):
         raise AssetError(f"{absolute or 'the asset'} is not there: choose the .spmm file again")
-    return os.path.normpath(absolute)
+    return absolute
 
 
 def checksum_of(path):

@@ -29,8 +29,6 @@ class _Texels:
         normals = arrays.normals.astype(np.float64) @ normal_matrix.T
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
         tangents, bitangents = mesh_arrays.tangents(positions, normals, arrays.uvs, arrays.triangles)
-        if matrix.determinant() < 0.0:
-            normals = -normals
         rows, columns, triangles, weights = _covered(arrays.uvs[arrays.triangles].astype(np.float64), size)
         self.rows, self.columns = rows, columns
 
@@ -126,6 +124,7 @@ def bake(obj, material, depsgraph, size, shadows=True):
         arrays = mesh_arrays.read(mesh) if mesh is not None else None
         if arrays is None or arrays.uvs is None:
             raise AssetError(f"{obj.name} has no UV map: unwrap it")
+        _keep_faces_of(arrays, evaluated, material)
         texels = _Texels(arrays, evaluated.matrix_world, material.btf.repeats, size)
     finally:
         evaluated.to_mesh_clear()
@@ -146,6 +145,17 @@ def bake(obj, material, depsgraph, size, shadows=True):
     pixels[texels.rows, texels.columns, :3] = radiance
     pixels[texels.rows, texels.columns, 3] = 1.0
     return _grown(pixels)
+
+
+def _keep_faces_of(arrays, obj, material):
+    """Leaves out the faces that show another material."""
+    slots = [slot.material for slot in obj.material_slots]
+    shown = [number for number, one in enumerate(slots) if one is not None and one.original == material]
+    # Numbers beyond the last slot stand for that.
+    faces = np.isin(np.minimum(arrays.slots, max(len(slots) - 1, 0)), shown)
+    if not faces.any():
+        raise AssetError(f"no face of {obj.name} has the material {material.name}: assign it")
+    arrays.triangles, arrays.slots = arrays.triangles[faces], arrays.slots[faces]
 
 
 def _grown(pixels):

@@ -6,12 +6,11 @@ What is seen off that middle (lens shift, a border, a view that was moved) is cu
 import math
 from dataclasses import dataclass
 
+import bpy
 from mathutils import Vector
 
 from .axes import y_up
 
-#: Kinds of objects that have a surface.
-SURFACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 #: Field of view that stands for none, of views without perspective, degrees.
 _FLAT_FOV_DEG = 0.25
 
@@ -89,11 +88,16 @@ def _camera(eye, target, place, fov_deg):
     return {"eye": y_up(eye), "target": y_up(target), "up": y_up(up), "fov_deg": fov_deg}
 
 
+def has_surface(obj):
+    """Tells whether an evaluated object is drawn. What curves and text are made of comes as a mesh beside them."""
+    return obj.type == "META" or isinstance(obj.data, bpy.types.Mesh)
+
+
 def middle_of(depsgraph):
     """Returns the middle of the boxes around all surfaces."""
     low, high = Vector((math.inf,) * 3), Vector((-math.inf,) * 3)
     for instance in depsgraph.object_instances:
-        if instance.object.type not in SURFACES:
+        if not has_surface(instance.object):
             continue
         for corner in instance.object.bound_box:
             place = instance.matrix_world @ Vector(corner)

@@ -1,9 +1,11 @@
 """The render engine "BTF": meshes go out as glTF, `btf-view` draws them, the picture comes back."""
 
+import weakref
+
 import bpy
 import numpy as np
 
-from . import camera, lights, scene_file, viewer
+from . import camera, lights, programs, scene_file, viewer
 from .asset_file import AssetError
 from .camera import CameraError
 from .programs import ProgramError
@@ -34,14 +36,6 @@ class BtfRenderEngine(bpy.types.RenderEngine):
     _pictures = None
     _folder = None
 
-    def __del__(self):
-        try:
-            pictures = self._pictures
-        except ReferenceError:
-            # Blender has taken the object apart already.
-            return
-        if pictures is not None:
-            pictures.close()
 
     # The final picture.
 
@@ -68,10 +62,10 @@ class BtfRenderEngine(bpy.types.RenderEngine):
             else:
                 request = viewer.request_of(exported, view, lamps, settings, settings.samples)
                 pixels = viewer.cut(self._draw(request, settings.backend), view.part)
-        self._show(pixels)
+        self._show(pixels, depsgraph.view_layer.name)
 
     def _draw(self, request, backend):
-        process = Viewer(backend)
+        process = Viewer(programs.find("btf-view"), backend)
         try:
             self.update_stats("BTF", "uploading the scene")
             return process.draw(request, self._told, self.test_break)
@@ -85,10 +79,10 @@ class BtfRenderEngine(bpy.types.RenderEngine):
         elif kind == "note":
             self.report({"INFO"}, value)
 
-    def _show(self, pixels):
+    def _show(self, pixels, layer):
         height, width = pixels.shape[:2]
         # Places are counted from the corner of the border.
-        result = self.begin_result(0, 0, width, height)
+        result = self.begin_result(0, 0, width, height, layer=layer)
         result.layers[0].passes["Combined"].rect.foreach_set(pixels.reshape(-1))
         self.end_result(result)
 
@@ -98,20 +92,24 @@ class BtfRenderEngine(bpy.types.RenderEngine):
         """Writes the scene again, which has changed."""
         if self._pictures is None:
             self._pictures, self._folder = ViewportPictures(self.tag_redraw), viewer.scene_folder()
+            # Blender takes the object apart before a __del__ could end the thread.
+            weakref.finalize(self, self._pictures.close)
             self._exported, self._texture, self._sentence = None, None, ""
         try:
             self._exported = scene_file.write(depsgraph, self._folder.name)
-            self._lamps, _ = lights.lamps(depsgraph)
+            self._lamps, left_out = lights.lamps(depsgraph)
             self._middle = camera.middle_of(depsgraph)
-            self._sentence = ""
+            self._sentence = "; ".join(left_out + self._exported.left_out)
         except _FAULTS as error:
             self._exported, self._sentence = None, str(error)
+        if self._exported is None or self._exported.path is None:
+            self._pictures.forget()
 
     def view_draw(self, context, depsgraph):
         """Asks for a picture of the view, and draws the newest one that there is."""
         region = context.region
         size = (region.width, region.height)
-        sentence = self._ask(context, depsgraph, size) or self._sentence or self._pictures.sentence
+        sentence = self._ask(context, depsgraph, size) or self._pictures.sentence or self._sentence
         self.update_stats("BTF", sentence)
         if self._pictures.picture is not None:
             self._draw_texture(depsgraph.scene, self._pictures.picture, size)
@@ -123,11 +121,12 @@ class BtfRenderEngine(bpy.types.RenderEngine):
         region_view = context.region_data
         try:
             view = camera.of_projection(region_view.window_matrix, region_view.view_matrix.inverted(), size, self._middle)
-        except CameraError as error:
+            program = programs.find("btf-view")
+        except (CameraError, ProgramError) as error:
             return str(error)
         settings = depsgraph.scene.btf
         request = viewer.request_of(self._exported, view, self._lamps, settings, 1)
-        self._pictures.ask(request, view, settings.backend, settings.viewport_samples)
+        self._pictures.ask(request, view, program, settings.backend, settings.viewport_samples)
         return ""
 
     def _draw_texture(self, scene, picture, size):

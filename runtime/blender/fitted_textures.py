@@ -25,13 +25,9 @@ def textures_of(document):
     """Returns the textures that lie beside a document, by name."""
     stem = os.path.splitext(document)[0]
     paths = {name: f"{stem}_{name}.png" for name in ALWAYS + SOMETIMES}
-    return {name: path for name, path in paths.items() if os.path.isfile(path) and _names(document, path)}
-
-
-def _names(document, texture):
-    """Tells whether the document uses the texture; others may be left from an earlier fit."""
-    with open(document, encoding="utf-8") as file:
-        return f'value="{os.path.basename(texture)}"' in file.read()
+    # Others may be left from an earlier fit.
+    used = {entry.get("value") for entry in ElementTree.parse(document).iter("input")}
+    return {name: path for name, path in paths.items() if os.path.isfile(path) and os.path.basename(path) in used}
 
 
 def is_current(document, asset):
@@ -54,7 +50,12 @@ class Fit:
         command = [program, "export-mtlx", asset, "-o", document, "--json", "-", "--quiet"]
         try:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                encoding="utf-8",
+                creationflags=programs.NO_WINDOW,
             )
         except OSError as error:
             raise programs.ProgramError(f"{program} does not start ({error.strerror})") from error

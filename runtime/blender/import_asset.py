@@ -67,6 +67,7 @@ def make_material(path, textures, psnr_db=0.0):
     heights = _height_image(asset, name, size_m) if size_mm else None
     principled.build(material, textures, _mean_colour(asset), heights)
     settings = material.btf
+    settings.described = path
     # Relative to the .blend file, where that is the preference and the file has been saved.
     relative = bpy.context.preferences.filepaths.use_relative_paths and bpy.data.filepath
     settings.path = bpy.path.relpath(path) if relative else path
@@ -146,6 +147,11 @@ class BTF_OT_import_asset(bpy.types.Operator, ImportHelper):
             return self._end_fit(context)
         except AssetError as error:
             return self._refuse(error)
+
+    def cancel(self, context):
+        """Blender ends the operator: another file is loaded, or the window is closed."""
+        self._fit.cancel()
+        self._stop_waiting(context)
 
     def _stop_waiting(self, context):
         context.window_manager.event_timer_remove(self._timer)

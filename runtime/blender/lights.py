@@ -3,6 +3,7 @@
 import math
 import os
 
+import bpy
 from mathutils import Vector
 
 from .axes import y_up
@@ -11,6 +12,8 @@ from .axes import y_up
 _FAR = 1e4
 #: Names of the colour spaces in which pictures of light are taken as they are.
 _LINEAR = {"Linear Rec.709", "Non-Color", "Linear"}
+#: Inputs of a Mapping node.
+_MAPPED = ("Location", "Rotation", "Scale")
 #: Farther than everything occludes.
 _NO_END = 1e30
 
@@ -32,6 +35,8 @@ def lamps(depsgraph):
         if obj.type != "LIGHT" or not instance.show_self:
             continue
         light, place = obj.data, instance.matrix_world
+        if not getattr(light, "normalize", True):
+            left_out.append(f"{obj.name} is not normalized by its size, so it is drawn with another power")
         if light.type == "POINT":
             intensity = [channel / (4.0 * math.pi) for channel in _colour(light)]
             points.append({"position": y_up(place.translation), "intensity": intensity})
@@ -98,6 +103,10 @@ def world_of(world, folder):
     if not colour.is_linked:
         return World([strength * channel for channel in colour.default_value[:3]])
     told = World()
+    if background.inputs["Strength"].is_linked:
+        told.left_out.append("the world's strength is computed by nodes, which are not followed")
+    if strength <= 0.0:
+        return told
     texture = _source(colour, "ShaderNodeTexEnvironment")
     if texture is None or texture.image is None or texture.projection != "EQUIRECTANGULAR":
         told.left_out.append("the world's colour is no equirectangular picture, so it is dark")
@@ -110,17 +119,26 @@ def world_of(world, folder):
         told.left_out.append(f"the colours of {texture.image.name} are not Linear Rec.709, so the world is dark")
         return told
     mapping = _source(texture.inputs["Vector"], "ShaderNodeMapping")
-    turn = math.degrees(mapping.inputs["Rotation"].default_value[2]) if mapping else 0.0
+    turn = _turn_deg(mapping, told.left_out) if mapping else 0.0
     # The middle of Blender's pictures is +x, which is +x here, too; that of ours -z.
     told.picture, told.gain, told.turn_deg = path, strength, -90.0 - turn
     return told
 
 
+def _turn_deg(mapping, left_out):
+    """Returns by how much a Mapping node turns about z, and tells what else it does."""
+    values = [tuple(mapping.inputs[name].default_value) if name in mapping.inputs else None for name in _MAPPED]
+    location, rotation, scale = values
+    others = [rotation[:2] != (0.0, 0.0), scale != (1.0, 1.0, 1.0), location not in (None, (0.0, 0.0, 0.0))]
+    if any(others) or any(mapping.inputs[name].is_linked for name in _MAPPED if name in mapping.inputs):
+        left_out.append("of the world's mapping only the turn about z is followed")
+    turn = math.degrees(rotation[2])
+    return -turn if mapping.vector_type == "TEXTURE" else turn
+
+
 def _picture_file(image, folder):
     """Returns the path of an .exr or .hdr file with an image's pixels, or None."""
-    import bpy
-
-    path = bpy.path.abspath(image.filepath, library=image.library)
+    path = os.path.abspath(bpy.path.abspath(image.filepath, library=image.library))
     extension = os.path.splitext(path)[1].lower()
     if extension not in (".exr", ".hdr"):
         return None

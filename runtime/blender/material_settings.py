@@ -2,10 +2,27 @@
 
 import bpy
 
+from . import asset_file
 from .principled import HEIGHTS, MAPPING
 
 
-def _follow(settings, _context):
+def _describe(settings, _context):
+    """Reads the size and the heights of an asset that was chosen anew. Textures stay those of the asset before."""
+    try:
+        path = asset_file.absolute_path(settings.path)
+        if path == settings.described:
+            return
+        asset = asset_file.open_asset(path)
+    except asset_file.AssetError:
+        # It may come later; whoever draws it says that it is not there.
+        settings.described, settings.size_m, settings.has_heights = "", (0.0, 0.0), False
+        return
+    size_mm = asset.meta["size_mm"] or (0.0, 0.0)
+    settings.described, settings.size_m = path, [size / 1000.0 for size in size_mm]
+    settings.has_heights, settings.psnr_db = asset.heights() is not None, 0.0
+
+
+def _follow(settings, context):
     """Gives the nodes what the settings say."""
     tree = settings.id_data.node_tree
     mapping = tree.nodes.get(MAPPING) if tree else None
@@ -13,7 +30,9 @@ def _follow(settings, _context):
         mapping.inputs["Scale"].default_value = (*settings.repeats, 1.0)
     displacement = tree.nodes.get(HEIGHTS) if tree else None
     if displacement is not None:
-        displacement.inputs["Scale"].default_value = settings.displacement
+        # Heights are in metres.
+        metres = context.scene.unit_settings.scale_length or 1.0
+        displacement.inputs["Scale"].default_value = settings.displacement / metres
 
 
 class BtfMaterialSettings(bpy.types.PropertyGroup):
@@ -23,6 +42,7 @@ class BtfMaterialSettings(bpy.types.PropertyGroup):
         name="Asset",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        update=_describe,
         description="The packed asset (.spmm) that the material shows",
     )
     repeats: bpy.props.FloatVectorProperty(
@@ -44,6 +64,9 @@ class BtfMaterialSettings(bpy.types.PropertyGroup):
         name="Size", size=2, min=0.0, description="Width and height of one repetition in metres; 0 where it is not known"
     )
     has_heights: bpy.props.BoolProperty(name="Has heights")
+    described: bpy.props.StringProperty(
+        name="Described", options={"HIDDEN"}, description="The asset that size and heights are of"
+    )
     psnr_db: bpy.props.FloatProperty(
         name="Fallback", description="PSNR of the fitted OpenPBR Surface against the asset, dB; 0 where it is not known"
     )

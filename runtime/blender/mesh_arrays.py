@@ -42,7 +42,8 @@ def read(mesh):
         return None
     vertex_of_corner = _read(mesh.loops, "vertex_index", 1, np.int32)
     normals = _read(mesh.corner_normals, "vector", 3)
-    layer = mesh.uv_layers.active
+    # The one that engines draw, which is another than the one that is edited, if the user says so.
+    layer = next((layer for layer in mesh.uv_layers if layer.active_render), mesh.uv_layers.active)
     uvs = _read(layer.uv, "vector", 2) if layer is not None else None
     # Rows that are equal bit by bit; the vertex's number stands for its position.
     parts = [vertex_of_corner, normals.view(np.int32)] + ([uvs.view(np.int32)] if uvs is not None else [])

@@ -45,8 +45,9 @@ class MeshFile:
         if arrays.uvs is not None:
             u, v = arrays.uvs.T
             attributes["TEXCOORD_0"] = self._vectors(np.stack([u, 1.0 - v], -1))
-        numbers = np.array([material_of_slot(slot) for slot in range(int(arrays.slots.max()) + 1)])
-        of_triangle = numbers[arrays.slots]
+        # Of those slots alone that are seen: what none has need not be there.
+        slots, places = np.unique(arrays.slots, return_inverse=True)
+        of_triangle = np.array([material_of_slot(int(slot)) for slot in slots])[places]
         parts = []
         for material in np.unique(of_triangle):
             indices = self._accessor(arrays.triangles[of_triangle == material].ravel(), _UNSIGNED, "SCALAR", _INDICES)

@@ -2,9 +2,12 @@
 
 import os
 import shutil
+import subprocess
 
 import bpy
 
+#: On Windows a program without a window opens no console.
+NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)
 #: Programs packed with the add-on lie here.
 PACKED = os.path.join(os.path.dirname(__file__), "bin")
 

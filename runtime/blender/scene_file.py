@@ -3,13 +3,17 @@
 import hashlib
 import json
 import os
+import struct
+import tempfile
 
 from . import lights, mesh_arrays
 from .asset_file import AssetError, absolute_path
-from .camera import SURFACES
+from .camera import has_surface
 from .mesh_file import MeshFile
 
 _NO_MATERIAL = (0.8, 0.8, 0.8)
+#: Scenes of which a picture may still be in the making.
+_KEPT = 4
 
 
 class Exported:
@@ -67,8 +71,7 @@ class _Materials:
                 asset = absolute_path(settings.path)
             except AssetError as error:
                 raise AssetError(f"{material.name}: {error}") from error
-            # The time makes another text of the scene, which is read again then.
-            tables += [f"# written at {os.stat(asset).st_mtime_ns}", "[[material]]"]
+            tables += [_written_at(asset), "[[material]]"]
             tables += [f"name = {_text(name)}", f"asset = {_text(asset)}"]
             tables.append(f"uv_scale = [{settings.repeats[0]!r}, {settings.repeats[1]!r}]")
             if settings.has_heights and settings.displacement > 0.0 and min(settings.repeats) > 0.0:
@@ -82,21 +85,35 @@ def _text(value):
     return json.dumps(value, ensure_ascii=False)
 
 
+def _written_at(path):
+    """Returns a comment with a file's time: another time makes another scene, which is read again."""
+    return f"# written at {os.stat(path).st_mtime_ns}"
+
+
 def _add_surfaces(depsgraph, file, materials):
     """Adds all surfaces that a picture shows."""
     meshes = {}
     for instance in depsgraph.object_instances:
         obj = instance.object
-        if obj.type not in SURFACES or not instance.show_self or abs(instance.matrix_world.determinant()) < 1e-18:
+        if not has_surface(obj) or not instance.show_self or abs(instance.matrix_world.determinant()) < 1e-18:
             continue
-        key = obj.original.session_uid
+        # Instances of geometry nodes are their owner with other data.
+        key = (obj.original.session_uid, obj.data.as_pointer())
         if key not in meshes:
-            meshes[key] = _add_mesh(obj, file, materials)
+            meshes[key] = _add_mesh(obj, depsgraph, file, materials)
         if meshes[key] is not None:
             file.place(meshes[key], instance.matrix_world)
 
 
-def _add_mesh(obj, file, materials):
+def _materials_of(obj, depsgraph):
+    """Returns the materials of an evaluated object's slots; those of an instance of geometry nodes are its mesh's."""
+    owner = obj.original.evaluated_get(depsgraph)
+    if obj.data.as_pointer() != owner.data.as_pointer():
+        return list(obj.data.materials)
+    return [slot.material for slot in obj.material_slots]
+
+
+def _add_mesh(obj, depsgraph, file, materials):
     """Adds the mesh of an evaluated object. Returns its number, or None where it has no triangle.
 
     Raises AssetError for an asset on a mesh without a UV map.
@@ -108,7 +125,7 @@ def _add_mesh(obj, file, materials):
         arrays = mesh_arrays.read(mesh)
         if arrays is None:
             return None
-        slots = [slot.material for slot in obj.material_slots]
+        slots = _materials_of(obj, depsgraph)
         material_of = lambda slot: slots[min(slot, len(slots) - 1)] if slots else None
         if arrays.uvs is None and any(materials.shows_asset(material_of(slot)) for slot in set(arrays.slots.tolist())):
             raise AssetError(f"{obj.name} has no UV map, so it cannot show an asset: unwrap it")
@@ -118,9 +135,9 @@ def _add_mesh(obj, file, materials):
 
 
 def write(depsgraph, folder):
-    """Writes the files into `folder`; names of mesh files tell their contents, so that one is only written once.
+    """Writes the files into `folder`; each has a name that tells its contents.
 
-    Raises AssetError for assets that cannot be shown.
+    Raises AssetError for assets that cannot be shown, and where the files cannot be written.
     """
     file = MeshFile()
     materials = _Materials(file)
@@ -128,18 +145,42 @@ def write(depsgraph, folder):
     world = lights.world_of(depsgraph.scene.world, folder)
     if file.is_empty():
         return Exported(None, world, world.left_out)
-    encoded = file.encoded()
-    name = f"meshes_{hashlib.blake2b(encoded, digest_size=12).hexdigest()}.glb"
-    mesh_path = os.path.join(folder, name)
-    if not os.path.isfile(mesh_path):
-        with open(mesh_path, "wb") as out:
-            out.write(encoded)
+    try:
+        return _written(file, materials, world, folder)
+    except (OSError, struct.error, UnicodeError) as error:
+        raise AssetError(f"the scene cannot be written into {folder} ({error}): make room there") from error
+
+
+def _written(file, materials, world, folder):
+    """Writes the two files. Names tell contents, so that a picture of an earlier scene may still be in the making."""
+    name = _write(folder, "meshes", ".glb", file.encoded())
     tables, parts = materials.toml()
     lines = ["[[object]]", f"mesh = {_text(name)}", f"parts = {{ {', '.join(parts)} }}"]
     if world.picture:
-        lines += ["[environment]", f"file = {_text(world.picture)}"]
+        lines += [_written_at(world.picture), "[environment]", f"file = {_text(world.picture)}"]
         lines += [f"gain = {world.gain!r}", f"turn_deg = {world.turn_deg!r}"]
-    path = os.path.join(folder, "scene.toml")
-    with open(path, "w", encoding="utf-8") as out:
-        out.write("\n".join([*tables, *lines, ""]))
-    return Exported(path, world, world.left_out)
+    scene = _write(folder, "scene", ".toml", "\n".join([*tables, *lines, ""]).encode())
+    _remove_old(folder)
+    return Exported(os.path.join(folder, scene), world, world.left_out)
+
+
+def _write(folder, kind, extension, data):
+    """Writes a file whose name tells its contents, whole or not at all. Returns the name."""
+    name = f"{kind}_{hashlib.blake2b(data, digest_size=12).hexdigest()}{extension}"
+    path = os.path.join(folder, name)
+    if os.path.isfile(path):
+        # The newest is the one in use.
+        os.utime(path)
+        return name
+    with tempfile.NamedTemporaryFile(dir=folder, delete=False) as out:
+        out.write(data)
+    os.replace(out.name, path)
+    return name
+
+
+def _remove_old(folder):
+    """Removes all but the newest scenes and meshes."""
+    for kind in ("scene_", "meshes_"):
+        paths = [os.path.join(folder, name) for name in os.listdir(folder) if name.startswith(kind)]
+        for path in sorted(paths, key=os.path.getmtime)[:-_KEPT]:
+            os.remove(path)

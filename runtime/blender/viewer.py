@@ -2,6 +2,7 @@
 
 import json
 import os
+import queue
 import subprocess
 import tempfile
 import threading
@@ -9,6 +10,10 @@ import threading
 import numpy as np
 
 from . import programs
+
+
+#: Time between two looks whether a picture is still wanted.
+_PATIENCE_S = 0.1
 
 
 class ViewerFault(Exception):
@@ -22,20 +27,23 @@ class Cancelled(Exception):
 class Viewer:
     """One process. Its first picture of a scene takes as long as uploading it; others only their frames."""
 
-    def __init__(self, backend="auto"):
-        """Starts the process. Raises ProgramError where the program is missing."""
-        program = programs.find("btf-view")
-        self._errors = tempfile.TemporaryFile()
+    def __init__(self, program, backend="auto"):
+        """Starts `btf-view` at a path. Raises ProgramError where it does not start."""
         try:
+            self._errors = tempfile.TemporaryFile()
             self._process = subprocess.Popen(
                 [program, "serve", "--backend", backend],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
+                creationflags=programs.NO_WINDOW,
             )
         except OSError as error:
             raise programs.ProgramError(f"{program} does not start ({error.strerror})") from error
-        self._lock = threading.Lock()
+        # Read by a thread, so that waiting for an answer can be given up.
+        self._answers = queue.Queue()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
     def is_running(self):
         return self._process.poll() is None
@@ -45,6 +53,7 @@ class Viewer:
         if self.is_running():
             self._process.kill()
         self._process.wait()
+        self._reader.join(timeout=10.0)
         for pipe in (self._process.stdin, self._process.stdout, self._errors):
             try:
                 pipe.close()
@@ -55,44 +64,54 @@ class Viewer:
         """Draws a picture. Returns (rows, columns, 4) linear radiance, single precision, rows from the bottom up.
 
         told: called with "progress" and a share, or "note" and a sentence.
-        is_cancelled: asked while it draws, at each progress; the process ends with the picture then.
+        is_cancelled: asked many times a second; the process ends with the picture then.
         Raises ViewerFault with the program's sentence, and Cancelled.
         """
-        with self._lock:
-            try:
-                self._process.stdin.write(json.dumps(request).encode() + b"\n")
-                self._process.stdin.flush()
-                return self._answer(told, is_cancelled)
-            except OSError as error:
-                raise ViewerFault(self._last_words()) from error
-
-    def _answer(self, told, is_cancelled):
+        try:
+            self._process.stdin.write(json.dumps(request).encode() + b"\n")
+            self._process.stdin.flush()
+        except (OSError, ValueError) as error:
+            raise ViewerFault(self._last_words()) from error
         while True:
-            line = self._process.stdout.readline()
-            if not line:
-                raise ViewerFault(self._last_words())
-            answer = json.loads(line)
-            if "error" in answer:
-                raise ViewerFault(answer["error"])
-            if "bytes" in answer:
-                return self._pixels(answer)
-            for kind, value in answer.items():
-                told(kind, value)
             if is_cancelled():
                 self.close()
                 raise Cancelled
+            try:
+                answer, pixels = self._answers.get(timeout=_PATIENCE_S)
+            except queue.Empty:
+                continue
+            if answer is None:
+                raise ViewerFault(self._last_words())
+            if "error" in answer:
+                raise ViewerFault(answer["error"])
+            if pixels is not None:
+                return pixels
+            for kind, value in answer.items():
+                told(kind, value)
 
-    def _pixels(self, answer):
-        data = self._process.stdout.read(answer["bytes"])
-        if len(data) < answer["bytes"]:
-            raise ViewerFault(self._last_words())
-        return np.frombuffer(data, "<f4").reshape(answer["height"], answer["width"], 4)
+    def _read(self):
+        """Passes answers on until the process ends, at last (None, None)."""
+        out = self._process.stdout
+        try:
+            for line in out:
+                answer, pixels = json.loads(line), None
+                if "bytes" in answer:
+                    data = out.read(answer["bytes"])
+                    pixels = np.frombuffer(data, "<f4").reshape(answer["height"], answer["width"], 4)
+                self._answers.put((answer, pixels))
+        except (OSError, ValueError):
+            # Cut off in the middle.
+            pass
+        self._answers.put((None, None))
 
     def _last_words(self):
         """Returns what the process said before it ended."""
-        self._process.wait()
-        self._errors.seek(0)
-        lines = self._errors.read().decode(errors="replace").strip().splitlines()
+        try:
+            self._process.wait(timeout=10.0)
+            self._errors.seek(0)
+            lines = self._errors.read().decode(errors="replace").strip().splitlines()
+        except (OSError, ValueError, subprocess.TimeoutExpired):
+            lines = []
         return lines[-1].removeprefix("error: ") if lines else "btf-view was ended while it drew"
 
 

@@ -91,6 +91,37 @@ def furnace(folder):
     return float(np.mean(np.array(mi.render(scene, spp=256))[8:24, 8:24]))
 
 
+def check_widths(asset):
+    """One place under many lights, many places under one, and another variant."""
+    bsdf = mi.load_dict({"type": "btf", "filename": asset, "filter": "stochastic"})
+    si, context = mi.SurfaceInteraction3f(), mi.BSDFContext()
+    si.uv, si.wi = [0.3, 0.6], mi.Vector3f(0.6, 0.0, 0.8)
+    lights = mi.warp.square_to_cosine_hemisphere(mi.Point2f(mi.Float([0.1, 0.5, 0.9]), mi.Float([0.2, 0.7, 0.4])))
+    many = np.array(bsdf.eval(context, si, lights)).reshape(3, -1)
+    alone = [np.array(bsdf.eval(context, si, mi.Vector3f(*np.array(lights)[:, i].tolist()))).ravel() for i in range(3)]
+    assert many.shape == (3, 3) and np.array_equal(many, np.stack(alone, 1)), (many, alone)
+    drawn, weight = bsdf.sample(context, si, 0.3, mi.Point2f(mi.Float([0.1, 0.6]), mi.Float([0.2, 0.8])))
+    assert np.array(drawn.pdf).shape == (2,) and np.array(weight).shape == (3, 2)
+    try:
+        mi.load_dict({"type": "btf", "filename": asset, "filter": "cubic"})
+    except Exception as error:  # Mitsuba wraps it.
+        assert "take 'nearest' or 'stochastic'" in str(error), error
+    mi.set_variant("scalar_rgb")
+    btf.mitsuba.register()
+    scalar = mi.load_dict({"type": "btf", "filename": asset, "filter": "stochastic"})
+    si, context = mi.SurfaceInteraction3f(), mi.BSDFContext()
+    si.uv, si.wi = [0.3, 0.6], [0.6, 0.0, 0.8]
+    value = np.array(scalar.eval(context, si, np.array(lights)[:, 1].tolist()))
+    assert np.allclose(value, many[:, 1], rtol=1e-5), (value, many[:, 1])
+    mi.set_variant("scalar_spectral")
+    try:
+        btf.mitsuba.register()
+    except ValueError as error:
+        assert "red, green and blue" in str(error)
+    else:
+        raise AssertionError("a spectral variant was taken")
+
+
 def main():
     query = json.load(sys.stdin)
     with tempfile.TemporaryDirectory() as folder:
@@ -98,7 +129,9 @@ def main():
             scene = scene_of(query, turned, Path(folder))
             picture = np.array(mi.render(scene, spp=query["samples"]))[..., :3]
             picture.astype(np.float32).tofile(path)
-        json.dump({"version": mi.__version__, "furnace": furnace(Path(folder))}, sys.stdout)
+        answer = {"version": mi.__version__, "furnace": furnace(Path(folder))}
+    check_widths(query["asset"])
+    json.dump(answer, sys.stdout)
 
 
 main()

@@ -78,7 +78,7 @@ pub enum ViewerError {
     #[error(transparent)]
     Write(#[from] btf_capture::CaptureError),
     /// The picture cannot be encoded.
-    #[error("{}: the PNG cannot be encoded: {reason}", path.display())]
+    #[error("{}: the picture cannot be encoded: {reason}", path.display())]
     Encode {
         /// The file.
         path: PathBuf,

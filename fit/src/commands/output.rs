@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use btf_capture::{AtomicFile, write_file_atomically};
+use btf_fit::{output_fault, real_path};
 use serde::Serialize;
 use std::io::{Write, stderr, stdout};
 use std::path::{Path, PathBuf};
@@ -33,28 +34,11 @@ pub(super) fn check_file(path: &Path, inputs: &[PathBuf]) -> Result<(), Failure>
     if is_stdout(path) {
         return Ok(());
     }
-    if path.is_dir() {
-        return Err(Failure::Path(format!("{} is a folder; give the name of a file in it", path.display())));
+    if let Some(sentence) = output_fault(path, inputs) {
+        return Err(Failure::Path(sentence));
     }
     // The temporary file goes with the drop.
     drop(AtomicFile::create(path)?);
-    let real = real_path(path);
-    for input in inputs {
-        let real_input = std::fs::canonicalize(input).unwrap_or_else(|_| input.clone());
-        if real == real_input {
-            return Err(Failure::Path(format!(
-                "{} is an input and would be overwritten; give another name for the output",
-                path.display()
-            )));
-        }
-        if real_input.is_dir() && real.starts_with(&real_input) {
-            return Err(Failure::Path(format!(
-                "{} lies in the input folder {}; write it elsewhere, inputs are never written to",
-                path.display(),
-                input.display()
-            )));
-        }
-    }
     Ok(())
 }
 
@@ -92,18 +76,6 @@ pub(super) fn write_with_files_beside(
     }
     write_file_atomically(out, whole)?;
     Ok(paths)
-}
-
-/// Returns the path with its folder resolved; the file itself need not exist.
-fn real_path(path: &Path) -> PathBuf {
-    if let Ok(real) = std::fs::canonicalize(path) {
-        return real;
-    }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    match (std::fs::canonicalize(folder), path.file_name()) {
-        (Ok(folder), Some(name)) => folder.join(name),
-        _ => path.to_path_buf(),
-    }
 }
 
 /// Writes `value` as JSON to `target` (`-` is standard output).

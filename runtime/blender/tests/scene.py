@@ -30,9 +30,10 @@ def install():
 
 
 def name_programs():
-    """Names the programs in the add-on's preferences."""
+    """Names the programs in the add-on's preferences, unless the extension has its own."""
     preferences = bpy.context.preferences.addons[ADDON].preferences
-    preferences.btf_view, preferences.btf_fit = VIEW, FIT
+    packed = "BTF_BLENDER_PACKED" in os.environ
+    preferences.btf_view, preferences.btf_fit = ("", "") if packed else (VIEW, FIT)
 
 
 # At once: the module `btf` comes with the extension.

@@ -157,6 +157,50 @@ class AgainstCycles(Scene):
         self.scene.collection.objects.link(empty)
         self.assertLess(self.difference(), 0.008)
 
+    def test_text_and_a_slot_that_no_face_has(self):
+        self.lamp()
+        body = bpy.context.active_object
+        body.location.z = -1.0
+        # An asset that is not there matters to faces alone that show it.
+        unused = self.asset_material((1.0, 1.0))
+        unused.btf.path = str(self.folder / "gone.spmm")
+        body.data.materials.clear()
+        body.data.materials.append(unused)
+        body.data.materials.append(self.diffuse_material())
+        for polygon in body.data.polygons:
+            polygon.material_index = 1
+        bpy.ops.object.text_add()
+        text = bpy.context.active_object
+        text.data.body, text.data.extrude = "BTF", 0.1
+        look_from(text, self.camera.location)
+        text.location = (0.0, 0.0, 0.5)
+        text.data.materials.append(self.diffuse_material())
+        self.assertLess(self.difference(), 0.01)
+
+    def test_instances_of_geometry_nodes_have_their_own_mesh(self):
+        self.lamp()
+        owner = bpy.context.active_object
+        owner.scale = (0.4, 0.4, 0.4)
+        group = bpy.data.node_groups.new("cubes", "GeometryNodeTree")
+        group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+        group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        kinds = ("NodeGroupInput", "GeometryNodeMeshCube", "GeometryNodeInstanceOnPoints", "GeometryNodeMeshLine")
+        into, cube, instances, line = (group.nodes.new(kind) for kind in kinds)
+        dress = group.nodes.new("GeometryNodeSetMaterial")
+        dress.inputs["Material"].default_value = bpy.data.materials.new("white")
+        dress.inputs["Material"].default_value.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
+        join, out = group.nodes.new("GeometryNodeJoinGeometry"), group.nodes.new("NodeGroupOutput")
+        line.inputs["Count"].default_value = 3
+        line.inputs["Offset"].default_value = (0.0, 0.0, 1.5)
+        group.links.new(line.outputs[0], instances.inputs["Points"])
+        group.links.new(cube.outputs[0], dress.inputs["Geometry"])
+        group.links.new(dress.outputs[0], instances.inputs["Instance"])
+        group.links.new(into.outputs[0], join.inputs[0])
+        group.links.new(instances.outputs[0], join.inputs[0])
+        group.links.new(join.outputs[0], out.inputs[0])
+        owner.modifiers.new("nodes", "NODES").node_group = group
+        self.assertLess(self.difference(), 0.01)
+
 
 class Faults(Scene):
     def refusal(self):
@@ -183,6 +227,13 @@ class Faults(Scene):
         self.scene.camera = None
         # Blender itself says so.
         self.assertIn("camera", self.refusal().lower())
+
+    def test_a_dark_picture_of_the_world_is_a_dark_world(self):
+        background = self.set_world((0.0, 0.0, 0.0), 0.0)
+        nodes, links = self.scene.world.node_tree.nodes, self.scene.world.node_tree.links
+        links.new(nodes.new("ShaderNodeTexEnvironment").outputs[0], background.inputs["Color"])
+        self.sphere().data.materials.append(self.diffuse_material())
+        self.assertEqual(float(self.rendered().max()), 0.0)
 
     def test_a_program_that_is_missing_is_named(self):
         self.sphere().data.materials.append(self.asset_material((1.0, 1.0)))
@@ -215,7 +266,7 @@ class Viewport(Scene):
         view = camera.of_render(bpy.context.evaluated_depsgraph_get())
         request = part("viewer").request_of(self.exported, view, self.lamps, self.scene.btf, 1)
         self.ready.clear()
-        self.pictures.ask({**request, "scene": scene or request["scene"]}, view, "cpu", samples)
+        self.pictures.ask({**request, "scene": scene or request["scene"]}, view, part("programs").find("btf-view"), "cpu", samples)
 
     def wait(self, until):
         for _ in range(600):
@@ -239,6 +290,25 @@ class Viewport(Scene):
         # It gets more samples while nothing moves.
         self.wait(lambda: self.pictures.picture[0] is not second)
 
+    def test_an_object_that_moves_is_another_picture(self):
+        self.ask()
+        self.wait(lambda: self.pictures.picture is not None)
+        first = self.pictures.picture[0]
+        bpy.context.active_object.location.x += 0.5
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        self.exported = part("scene_file").write(depsgraph, str(self.folder))
+        self.ask()
+        self.wait(lambda: self.pictures.picture[0] is not first)
+        self.assertGreater(float(np.abs(self.pictures.picture[0] - first).mean()), 0.01)
+        # However often it moves, the folder does not grow.
+        for step in range(10):
+            bpy.context.active_object.location.x = 0.1 * step
+            part("scene_file").write(bpy.context.evaluated_depsgraph_get(), str(self.folder))
+        names = [path.name for path in self.folder.iterdir()]
+        self.assertEqual(sum(name.startswith("meshes_") for name in names), 4, names)
+        self.pictures.forget()
+        self.assertIsNone(self.pictures.picture)
+
     def test_a_fault_is_told_and_the_next_picture_comes(self):
         self.ask(scene=str(self.folder / "none.toml"))
         self.wait(lambda: "none.toml" in self.pictures.sentence)
@@ -261,7 +331,7 @@ class Cancelling(Scene):
         depsgraph = bpy.context.evaluated_depsgraph_get()
         exported = part("scene_file").write(depsgraph, str(self.folder))
         viewer, view = part("viewer"), part("camera").of_render(depsgraph)
-        process = viewer.Viewer("cpu")
+        process = viewer.Viewer(part("programs").find("btf-view"), "cpu")
         lamps, _ = part("lights").lamps(depsgraph)
         request = viewer.request_of(exported, view, lamps, self.scene.btf, 100_000)
         with self.assertRaises(viewer.Cancelled):

@@ -50,6 +50,21 @@ class Import(Scene):
         self.assertEqual(bpy.ops.btf.physical_size(), {"FINISHED"})
         self.assertTrue(np.allclose(obj.active_material.btf.repeats, 500.0, rtol=1e-4))
 
+    def test_an_asset_that_is_chosen_by_hand_has_its_size(self):
+        material = bpy.data.materials.new("by hand")
+        material.btf.path = ASSET
+        self.assertTrue(np.allclose(material.btf.size_m, 0.004))
+        material.btf.path = str(self.folder / "gone.spmm")
+        self.assertEqual(tuple(material.btf.size_m), (0.0, 0.0))
+
+    def test_a_name_with_a_quote_keeps_its_textures(self):
+        document = self.folder / "John's & co.mtlx"
+        texture = self.folder / "John's & co_base_color.png"
+        texture.write_bytes(b"")
+        document.write_text('<m><input value="John&apos;s &amp; co_base_color.png"/></m>')
+        found = part("fitted_textures").textures_of(str(document))
+        self.assertEqual(found, {"base_color": str(texture)})
+
     def test_undo_takes_all_of_it_back(self):
         bpy.ops.mesh.primitive_plane_add()
         bpy.ops.ed.undo_push(message="a plane")
@@ -205,6 +220,14 @@ class Bake(Scene):
         self.assertGreater(float(expected.mean()), 0.05)
         moved = self.expected(obj, 32, (3.0, -1.8, 4.0))
         self.assertGreater(float((np.abs(baked[..., :3] - moved).max(axis=-1) > 1e-3).mean()), 0.5)
+
+    def test_a_mirrored_plane_is_lit_from_its_front(self):
+        obj, lamp = self.plane(), (3.0, -2.0, 4.0)
+        obj.scale.x = -1.0
+        bpy.context.view_layer.update()
+        self.lamp(place=lamp)
+        wrong = np.abs(self.baked()[..., :3] - self.expected(obj, 32, lamp)).max(axis=-1) > 1e-3
+        self.assertLess(float(wrong.mean()), 0.01)
 
     def test_what_stands_in_the_light_throws_a_shadow(self):
         obj = self.plane()

@@ -5,6 +5,7 @@ use btf_viewer::{Control, Picture, PictureRequest, PictureServer, RenderParams, 
 use serde_json::json;
 use std::io::{BufRead, Write};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `btf-view serve`.
 #[derive(clap::Args)]
@@ -28,7 +29,7 @@ pub(super) fn run(arguments: &ServeArguments) -> Result<(), ViewerError> {
         shade: render.shade(),
         target_ms: None,
     };
-    let mut server = PictureServer::new(usual);
+    let mut server = PictureServer::new(usual, render.packing());
     let ended =
         |error: std::io::Error| ViewerError::Usage(format!("the program that asks for pictures ended: {error}"));
     for line in std::io::stdin().lock().lines() {
@@ -42,6 +43,13 @@ pub(super) fn run(arguments: &ServeArguments) -> Result<(), ViewerError> {
 
 /// Answers one request.
 fn answer(server: &mut PictureServer, line: &str) -> std::io::Result<()> {
+    // Nobody reads any more: the program that asked has ended, and so does the picture.
+    let is_alone = AtomicBool::new(false);
+    let tell = |told: &serde_json::Value| {
+        if say(told, &[]).is_err() {
+            is_alone.store(true, Ordering::Relaxed);
+        }
+    };
     // Rows finish on many threads.
     let last_percent = Mutex::new(0);
     let progress = |share: f32| {
@@ -50,14 +58,11 @@ fn answer(server: &mut PictureServer, line: &str) -> std::io::Result<()> {
             && percent > *last
         {
             *last = percent;
-            // A reader that is gone is noticed by the answer.
-            let _ = say(&json!({ "progress": share }), &[]);
+            tell(&json!({ "progress": share }));
         }
     };
-    let note = |text: &str| {
-        let _ = say(&json!({ "note": text }), &[]);
-    };
-    let control = Control { cancelled: &|| false, progress: &progress, notice: &note };
+    let note = |text: &str| tell(&json!({ "note": text }));
+    let control = Control { cancelled: &|| is_alone.load(Ordering::Relaxed), progress: &progress, notice: &note };
     let request: Result<PictureRequest, _> = serde_json::from_str(line);
     let drawn = match request {
         Ok(request) => server.draw(&request, &control),

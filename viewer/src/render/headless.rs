@@ -47,12 +47,10 @@ impl RenderParams {
     /// [`ViewerError::Usage`].
     pub fn check(&self) -> Result<(), ViewerError> {
         if self.size.iter().any(|side| *side == 0 || *side > MAX_SIDE) {
-            return Err(ViewerError::Usage(format!(
-                "a picture's sides are 1 to {MAX_SIDE} pixels, as in --size 512x512"
-            )));
+            return Err(ViewerError::Usage(format!("a picture's sides are 1 to {MAX_SIDE} pixels, as in 512x512")));
         }
         if self.frames == 0 {
-            return Err(ViewerError::Usage("--frames is at least 1".into()));
+            return Err(ViewerError::Usage("a picture has at least 1 frame".into()));
         }
         if !(1..=MAX_DEPTH).contains(&self.shade.depth) {
             return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));

@@ -8,8 +8,10 @@ use crate::render::headless::{RenderParams, Rendered, Session};
 use crate::scene::file::{SceneView, load_scene};
 use crate::scene::material::Shown;
 use crate::scene::scene::Scene;
+use btf_runtime::PackedGoal;
 use serde::Deserialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A picture that is asked for.
 #[derive(Deserialize, Clone)]
@@ -43,13 +45,16 @@ struct Loaded {
 pub struct PictureServer {
     /// What requests leave out, and the renderer.
     usual: RenderParams,
+    /// How assets are packed, if they are.
+    packing: Option<PackedGoal>,
     loaded: Option<Loaded>,
 }
 
 impl PictureServer {
-    /// Makes a server without a scene; `usual` names the renderer and has what requests leave out.
-    pub fn new(usual: RenderParams) -> PictureServer {
-        PictureServer { usual, loaded: None }
+    /// Makes a server without a scene; `usual` names the renderer and has what requests leave out. Assets are held with
+    /// packed bases where `packing` says how.
+    pub fn new(usual: RenderParams, packing: Option<PackedGoal>) -> PictureServer {
+        PictureServer { usual, packing, loaded: None }
     }
 
     /// Renders a picture. Cost: that of its frames, and with another scene than before that of reading, uploading and
@@ -67,7 +72,10 @@ impl PictureServer {
         if self.loaded.as_ref().is_none_or(|loaded| loaded.file != file) {
             // The old scene gives its memory back first.
             self.loaded = None;
-            let scene = load_scene(&request.scene, Shown::default())?;
+            let mut scene = load_scene(&request.scene, Shown::default())?;
+            if let Some(goal) = self.packing {
+                scene.assets.iter_mut().for_each(|asset| *asset = Arc::new(asset.packed(goal)));
+            }
             let session = Session::new(&scene, &params, control)?;
             self.loaded = Some(Loaded { file, scene, session });
         }
@@ -76,7 +84,12 @@ impl PictureServer {
         if let Some(view) = &request.view {
             view.put_into(&mut scene, &request.scene)?;
         }
-        loaded.session.render(&scene, &params, control)
+        let drawn = loaded.session.render(&scene, &params, control);
+        if drawn.is_err() {
+            // A device that is lost draws nothing more: the next request opens it anew.
+            self.loaded = None;
+        }
+        drawn
     }
 }
 
@@ -109,7 +122,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("scene.toml");
         std::fs::write(&path, SCENE).unwrap();
-        let mut server = PictureServer::new(usual());
+        let mut server = PictureServer::new(usual(), None);
         let plain = drawn(&mut server, &request(&path, ""));
         let expected = |path: &std::path::Path| {
             let scene = load_scene(path, Shown::default()).unwrap();
@@ -142,12 +155,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("scene.toml");
         std::fs::write(&path, SCENE).unwrap();
-        let mut server = PictureServer::new(usual());
+        let mut server = PictureServer::new(usual(), None);
         let plain = drawn(&mut server, &request(&path, ""));
         let no_frames = PictureRequest { frames: 0, ..request(&path, "") };
         let no_view = request(&path, r#", "view": {"camera": {"eye": [0, 0, 0], "target": [0, 0, 0]}}"#);
         let not_there = request(&dir.path().join("none.toml"), "");
-        for (bad, words) in [(no_frames, "--frames"), (no_view, "same point"), (not_there, "none.toml")] {
+        for (bad, words) in [(no_frames, "at least 1 frame"), (no_view, "same point"), (not_there, "none.toml")] {
             let message = server.draw(&bad, &Control::SILENT).err().unwrap().to_string();
             assert!(message.contains(words) && !message.contains('\n'), "{message}");
             assert_eq!(drawn(&mut server, &request(&path, "")), plain);

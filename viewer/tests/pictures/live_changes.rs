@@ -1,13 +1,13 @@
 //! What changes while a picture is drawn is uploaded in place: the picture is then that of a scene that was so from the
 //! beginning.
 
-use crate::support::{count_differences, gpu};
+use crate::support::{backends, count_differences, gpu};
 use btf_models::{LeafDescription, LeafPreset, PlantVariation};
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::testing::plant_factors;
 use btf_viewer::{
-    Body, Daylight, DaylightParts, FrameRequest, GpuTracer, Material, Outdoors, Scene, SceneChange, SceneLeaf,
-    SceneMesh, SceneObject, ShadeOptions, Shown, Tracer, Updated, plane,
+    Body, Control, Daylight, DaylightParts, FrameRequest, GpuTracer, Material, Outdoors, PictureRequest, PictureServer,
+    RenderParams, Scene, SceneChange, SceneLeaf, SceneMesh, SceneObject, ShadeOptions, Shown, Tracer, Updated, plane,
 };
 use glam::{Mat4, Vec3};
 use std::path::Path;
@@ -89,4 +89,35 @@ fn a_larger_sky_than_there_is_room_for_is_told() {
     assert_eq!(tracer.update(&lit, &SceneChange::Environment).unwrap(), Updated::InPlace);
     stand(&mut lit, "13:00", DaylightParts::Sky);
     assert_eq!(tracer.update(&lit, &SceneChange::Environment).unwrap(), Updated::NeedsUpload);
+}
+
+#[test]
+fn pictures_on_demand_are_those_of_a_server_that_drew_nothing_before() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("scene.toml");
+    let text = "[[material]]\nname = \"grey\"\ndiffuse = [0.5, 0.4, 0.3]\n[[object]]\nmesh = \"sphere\"\nmaterial = \"grey\"\n";
+    std::fs::write(&path, text).unwrap();
+    let request = |view: &str| -> PictureRequest {
+        let head = format!("\"scene\": {:?}, \"size\": [24, 16], \"frames\": 2", path.display());
+        serde_json::from_str(&format!("{{{head}, \"view\": {view}}}")).unwrap()
+    };
+    let views = [
+        r#"{"camera": {"eye": [0, 0, 6], "target": [0, 0, 0]}, "lights": [{"position": [1, 2, 6], "intensity": [30, 30, 30]}]}"#,
+        r#"{"camera": {"eye": [3, 1, 4], "target": [0, 0, 0]}, "sun": {"direction": [0, 1, 1], "irradiance": [1, 2, 3]}}"#,
+        r#"{"camera": {"eye": [3, 1, 4], "target": [0, 0, 0]}, "background": [0, 0, 0],
+            "ambient": {"radiance": [0.2, 0.3, 0.4], "distance": 1e30}}"#,
+    ];
+    for backend in backends("pictures_on_demand_are_those_of_a_server_that_drew_nothing_before") {
+        let shade = ShadeOptions::default();
+        let usual = RenderParams { size: [1, 1], frames: 1, backend, adapter: None, shade, target_ms: None };
+        let draw = |server: &mut PictureServer, view: &str| {
+            server.draw(&request(view), &Control::SILENT).unwrap().picture.radiance
+        };
+        let mut server = PictureServer::new(usual.clone(), None);
+        let after_others: Vec<_> = views.iter().chain(&views[..1]).map(|view| draw(&mut server, view)).collect();
+        let alone: Vec<_> = views[1..].iter().map(|view| draw(&mut PictureServer::new(usual.clone(), None), view)).collect();
+        assert_eq!(after_others[1..3], alone[..], "{backend:?}");
+        assert_eq!(after_others[3], after_others[0], "{backend:?}");
+        assert!(after_others[0] != alone[0] && alone[0] != alone[1]);
+    }
 }

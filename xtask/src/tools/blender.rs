@@ -39,8 +39,16 @@ pub fn ensure(target: &Path) -> Result<String, Failure> {
 /// Packs the extension with the wheel that [`python_module::build_and_test`] has made, and returns the file. The programs
 /// are packed with it in the profile that users get.
 pub fn build(target: &Path, kind: Build) -> Result<PathBuf, Failure> {
-    let (folder, stage) = (target.join("blender"), target.join("blender/stage"));
-    make_empty(&folder)?;
+    // Users' extension is not replaced by that of the tests.
+    let folder = match kind {
+        Build::Release => target.join("blender"),
+        Build::Tests => target.join("blender/tests"),
+    };
+    let stage = folder.join("stage");
+    std::fs::create_dir_all(&folder).map_err(|error| failed(&folder, &error))?;
+    for old in files_of(&folder)?.iter().filter(|name| name.ends_with(".zip")) {
+        std::fs::remove_file(folder.join(old)).map_err(|error| failed(&folder, &error))?;
+    }
     make_empty(&stage)?;
     let addon = root().join(ADDON);
     for name in files_of(&addon)?.iter().filter(|name| !NOT_PACKED.contains(&name.as_str())) {
@@ -72,6 +80,10 @@ pub fn test(target: &Path, extension: &Path, kind: Build) -> Result<Counts, Fail
     let mut test = Command::new(BLENDER.interpreter(target));
     test.args(["-m", "unittest"]).current_dir(root().join(ADDON).join("tests"));
     test.env("BLENDER_USER_RESOURCES", &resources).env("BTF_BLENDER_EXTENSION", extension);
+    if let Build::Release = kind {
+        // The programs within are those that run.
+        test.env("BTF_BLENDER_PACKED", "1");
+    }
     for (variable, name) in [("BTF_VIEW", "btf-view"), ("BTF_FIT", "btf-fit"), ("BTF_SYNTH", "btf-synth")] {
         test.env(variable, programs(target, kind).join(program_file(name)));
     }

@@ -60,7 +60,7 @@ fn libraries() -> &'static [(&'static str, &'static str)] {
 /// Installs the library into a folder below the target folder, moves it, and builds the sample against it as users would: by
 /// CMake, with either library, and by pkg-config. Returns one line that says so.
 pub fn test(target: &Path, profile: &str) -> Result<String, Failure> {
-    let work = target.join("c");
+    let work = target.join("c/test");
     make_empty(&work)?;
     install(target, &work.join("installed"), profile)?;
     // A prefix may be moved.

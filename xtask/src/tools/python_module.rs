@@ -74,7 +74,7 @@ pub fn build_and_test(target: &Path, kind: Build) -> Result<String, Failure> {
     let (status, output) = run_and_read(&mut test)?;
     let ran = output.lines().find(|line| line.starts_with("Ran ")).unwrap_or("Ran 0 tests").to_string();
     if !status.success() || ran.starts_with("Ran 0 ") {
-        return Err(Failure::new(format!("the Python module's tests failed: see {PACKAGE}/tests/test_btf.py")));
+        return Err(Failure::new(format!("the Python module's tests failed: see {PACKAGE}/tests")));
     }
     // Tests that use the module compare its time with that of the sources.
     let stamp = module.join("installed.txt");
