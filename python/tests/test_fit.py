@@ -115,6 +115,12 @@ class Arrays(unittest.TestCase):
             self.refused(ValueError, folder, btf.fit, folder)
             self.refused(OSError, "none", btf.fit, Path(folder) / "none")
             self.refused(OSError, "no-such", btf.fit, self.capture, output=Path(folder) / "no-such" / "a.spmm")
+            self.refused(ValueError, "is a folder", btf.fit, self.capture, output=folder)
+            zipped = Path(folder) / "wool.zip"
+            zipped.write_bytes(b"PK\x05\x06" + bytes(18))
+            self.refused(ValueError, "", btf.fit, zipped, output=zipped)
+            self.assertEqual(zipped.stat().st_size, 22)
+            zipped.unlink()
             self.assertEqual(os.listdir(folder), [])
 
 
@@ -123,12 +129,15 @@ class Ending(unittest.TestCase):
         capture = btf.Capture(images(), DIRECTIONS, DIRECTIONS)
         with tempfile.TemporaryDirectory() as folder:
 
+            called = []
+
             def stop(stage, done, total):
+                called.append(stage)
                 raise RuntimeError("enough")
 
             with self.assertRaisesRegex(RuntimeError, "enough"):
                 btf.fit(capture, output=Path(folder) / "a.spmm", progress=stop)
-            self.assertEqual(os.listdir(folder), [])
+            self.assertEqual((len(called), os.listdir(folder)), (1, []))
 
     def test_control_c_ends_the_fit(self):
         script = (
