@@ -22,6 +22,14 @@ def _flat(world, part):
     return pixels
 
 
+def _redraw(engine):
+    """Has an engine's viewport drawn again; raises ReferenceError where it is gone."""
+    alive = engine()
+    if alive is None:
+        raise ReferenceError
+    alive.tag_redraw()
+
+
 class BtfRenderEngine(bpy.types.RenderEngine):
     """Draws what a BTF was measured to look like; materials without an asset are diffuse."""
 
@@ -91,8 +99,10 @@ class BtfRenderEngine(bpy.types.RenderEngine):
     def view_update(self, context, depsgraph):
         """Writes the scene again, which has changed."""
         if self._pictures is None:
-            self._pictures, self._folder = ViewportPictures(self.tag_redraw), viewer.scene_folder()
-            # Blender takes the object apart before a __del__ could end the thread.
+            # The thread must not keep the engine, with which it ends: Blender takes the object apart before a __del__ could
+            # end the thread.
+            engine = weakref.ref(self)
+            self._pictures, self._folder = ViewportPictures(lambda: _redraw(engine)), viewer.scene_folder()
             weakref.finalize(self, self._pictures.close)
             self._exported, self._texture, self._sentence = None, None, ""
         try:

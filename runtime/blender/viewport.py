@@ -81,7 +81,11 @@ class ViewportPictures:
                 self._samples = most + 1 if samples >= most else min(samples * _MORE_SAMPLES, most)
             ended = self._ended
         if not ended:
-            self._ready()
+            try:
+                self._ready()
+            except ReferenceError:
+                # Who would draw it is gone.
+                self.close()
 
     def _process(self, program, backend):
         kind = (program, backend)
