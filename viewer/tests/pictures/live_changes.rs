@@ -115,7 +115,8 @@ fn pictures_on_demand_are_those_of_a_server_that_drew_nothing_before() {
         };
         let mut server = PictureServer::new(usual.clone(), None);
         let after_others: Vec<_> = views.iter().chain(&views[..1]).map(|view| draw(&mut server, view)).collect();
-        let alone: Vec<_> = views[1..].iter().map(|view| draw(&mut PictureServer::new(usual.clone(), None), view)).collect();
+        let alone: Vec<_> =
+            views[1..].iter().map(|view| draw(&mut PictureServer::new(usual.clone(), None), view)).collect();
         assert_eq!(after_others[1..3], alone[..], "{backend:?}");
         assert_eq!(after_others[3], after_others[0], "{backend:?}");
         assert!(after_others[0] != alone[0] && alone[0] != alone[1]);
