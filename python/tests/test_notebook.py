@@ -5,9 +5,12 @@ import unittest
 from pathlib import Path
 
 try:
-    import mitsuba  # noqa: F401
+    import mitsuba
     import nbclient
     import nbformat
+
+    # An ImportError as well, where there is no LLVM.
+    mitsuba.set_variant("llvm_ad_rgb")
 except ImportError as error:
     MISSING = str(error)
 else:

@@ -116,6 +116,7 @@ fn install(suite: &mut Suite, target: &Path) {
     suite.tool("asset tools", NO_PEERS, || asset_tools::ensure(target));
     if suite.tool("peers", NO_PEERS, || peers::ensure(target)) {
         let said = |result: Result<String, Failure>| result.map_err(|failure| failure.to_string());
+        suite.tool("LLVM", None, || peers::ensure_llvm(target));
         suite.check("rival codecs", || said(peers::check_peers(target)));
         suite.check("python", || said(python_module::build_and_test(target, Build::Tests)));
         if suite.tool("Blender", None, || blender::ensure(target)) {

@@ -1,9 +1,10 @@
 //! The renderer that our optics is compared with: Mitsuba 3 in a Python environment of its own under the target folder,
 //! with the other packages of `tests/peers/requirements.txt`.
 
+use super::apt;
 use super::python_environment::{Environment, LEAVE_OUT};
 use crate::failure::Failure;
-use crate::shell::{root, run_and_read};
+use crate::shell::{answer_of, root, run_and_read};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -32,6 +33,25 @@ pub fn ensure(target: &Path) -> Result<String, Failure> {
             python.display()
         ))
     })
+}
+
+/// Finds LLVM, by which Mitsuba's vectorised variants compile, or installs it. Returns one line that says so.
+pub fn ensure_llvm(target: &Path) -> Result<String, Failure> {
+    let works = || {
+        let program =
+            "import mitsuba as mi; mi.set_variant('llvm_ad_rgb'); import drjit as dr; print(dr.arange(mi.Float, 2))";
+        answer_of(Command::new(interpreter(target)).args(["-c", program])).is_some()
+    };
+    if !works() && apt::is_root_on_debian() {
+        apt::install(&["llvm"])?;
+    }
+    match works() {
+        true => Ok("Mitsuba finds LLVM".to_string()),
+        false => Err(Failure::new(format!(
+            "Mitsuba's vectorised variants need LLVM's shared library: install it (Debian: apt-get install llvm) or name it \
+             in DRJIT_LIBLLVM_PATH, {LEAVE_OUT}"
+        ))),
+    }
 }
 
 /// Runs the self-checks of the rival codecs and of the synthetic materials with the Python that [`ensure`] found or made.
