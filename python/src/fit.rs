@@ -11,7 +11,7 @@ use btf_fit::{
 };
 use btf_runtime::Asset;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::{PyList, PyTuple};
 use std::path::{Path, PathBuf};
 
 /// Fits an asset to a capture.
@@ -134,8 +134,7 @@ pub fn compare<'py>(
 /// Returns figures as a dict, with the keys of `--json`.
 fn as_dict<'py>(py: Python<'py>, metrics: &Metrics) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(metrics).map_err(|error| value_error(error.to_string()))?;
-    let dict = py.import("json")?.call_method1("loads", (text,))?;
-    Ok(dict.cast_into::<PyDict>()?.into_any())
+    py.import("json")?.call_method1("loads", (text,))
 }
 
 /// Takes one capture or a list of them.

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import btf
 import numpy as np
+from refusals import Refusing
 
 ASSET = Path(__file__).resolve().parents[2] / "viewer" / "src" / "scene" / "builtin" / "weave.spmm"
 
@@ -23,7 +24,7 @@ def directions(rng, shape):
     return np.stack([r * np.cos(phi), r * np.sin(phi), z], -1)
 
 
-class Module(unittest.TestCase):
+class Module(Refusing):
     @classmethod
     def setUpClass(cls):
         cls.asset = btf.open(ASSET)
@@ -32,14 +33,6 @@ class Module(unittest.TestCase):
     def places(self, shape):
         rng = self.rng
         return rng.uniform(-2.0, 3.0, shape + (2,)), directions(rng, shape), directions(rng, shape)
-
-    def refused(self, error, words, call, *arguments, **keywords):
-        with self.assertRaises(error) as caught:
-            call(*arguments, **keywords)
-        sentence = str(caught.exception)
-        self.assertIn(words, sentence)
-        self.assertNotIn("\n", sentence)
-
 
 class Opening(Module):
     def test_meta_holds_the_description_and_the_size(self):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import btf
 import numpy as np
+from refusals import Refusing
 
 SIZE = 12
 
@@ -40,17 +41,10 @@ def images():
     return np.stack([reflected(DIRECTIONS, wo) for wo in DIRECTIONS]).astype(np.float32)
 
 
-class Arrays(unittest.TestCase):
+class Arrays(Refusing):
     @classmethod
     def setUpClass(cls):
         cls.capture = btf.Capture(images(), DIRECTIONS, DIRECTIONS, size_mm=(6.0, 3.0), name="stripes")
-
-    def refused(self, kind, words, call, /, *arguments, **keywords):
-        with self.assertRaises(kind) as caught:
-            call(*arguments, **keywords)
-        sentence = str(caught.exception)
-        self.assertIn(words, sentence)
-        self.assertNotIn("\n", sentence)
 
     def test_images_come_back_with_their_directions(self):
         capture = self.capture

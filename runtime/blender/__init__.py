@@ -10,6 +10,7 @@
 | `material_settings` | the properties of a material that shows an asset |
 | `import_asset` | File > Import > BTF asset |
 | `camera`, `lights`, `mesh_file`, `scene_file` | a scene as `btf-view` takes it |
+| `axes`, `mesh_arrays`, `named_files` | what these and others need |
 | `viewer` | the process that draws |
 | `engine`, `engine_settings` | the render engine |
 | `bake` | evaluates an asset for the camera and the lights into an image |

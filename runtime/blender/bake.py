@@ -10,6 +10,7 @@ from mathutils import Vector
 from . import asset_file, lights, mesh_arrays
 from .asset_file import AssetError
 from .axes import Y_UP
+from .mesh_arrays import unit
 
 #: Pixels by which the image goes on beyond the edges of its islands.
 _MARGIN = 4
@@ -26,17 +27,13 @@ class _Texels:
         normal_matrix = np.array(matrix.to_3x3().inverted_safe().transposed())
         turn = np.array(matrix)
         positions = arrays.positions.astype(np.float64) @ turn[:3, :3].T + turn[:3, 3]
-        normals = arrays.normals.astype(np.float64) @ normal_matrix.T
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+        normals = unit(arrays.normals.astype(np.float64) @ normal_matrix.T)
         tangents, bitangents = mesh_arrays.tangents(positions, normals, arrays.uvs, arrays.triangles)
         rows, columns, triangles, weights = _covered(arrays.uvs[arrays.triangles].astype(np.float64), size)
         self.rows, self.columns = rows, columns
 
         def between(values):
             return np.einsum("pk,pkc->pc", weights, values[arrays.triangles[triangles]])
-
-        def unit(values):
-            return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-30)
 
         self.positions, self.uvs = between(positions), between(arrays.uvs.astype(np.float64)) * np.asarray(repeats)
         self.normals = unit(between(normals))
@@ -129,8 +126,7 @@ def bake(obj, material, depsgraph, size, shadows=True):
     finally:
         evaluated.to_mesh_clear()
     eye = np.array(camera.evaluated_get(depsgraph).matrix_world.translation)
-    way = eye - texels.positions
-    wo = texels.local(way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-30))
+    wo = texels.local(unit(eye - texels.positions))
     radiance = np.zeros_like(texels.positions)
     lift = _LIFT * max(max(evaluated.dimensions), 1e-6)
     lamps, _ = lights.lamps(depsgraph)

@@ -143,11 +143,10 @@ class BtfRenderEngine(bpy.types.RenderEngine):
         import gpu
         from gpu_extras.presets import draw_texture_2d
 
-        pixels, _ = picture
-        if self._texture is None or self._texture[0] is not pixels:
-            height, width = pixels.shape[:2]
-            buffer = gpu.types.Buffer("FLOAT", width * height * 4, pixels.reshape(-1))
-            self._texture = (pixels, gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer))
+        if self._texture is None or self._texture[0] is not picture:
+            height, width = picture.shape[:2]
+            buffer = gpu.types.Buffer("FLOAT", width * height * 4, picture.reshape(-1))
+            self._texture = (picture, gpu.types.GPUTexture((width, height), format="RGBA16F", data=buffer))
         gpu.state.blend_set("ALPHA_PREMULT")
         self.bind_display_space_shader(scene)
         draw_texture_2d(self._texture[1], (0, 0), *size)

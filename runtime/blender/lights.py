@@ -3,9 +3,9 @@
 import math
 import os
 
-import bpy
 from mathutils import Vector
 
+from . import named_files
 from .axes import y_up
 
 #: Distance at which a further sun stands as a lamp, scene units.
@@ -138,15 +138,10 @@ def _turn_deg(mapping, left_out):
 
 def _picture_file(image, folder):
     """Returns the path of an .exr or .hdr file with an image's pixels, or None."""
-    path = os.path.abspath(bpy.path.abspath(image.filepath, library=image.library))
+    path = os.path.abspath(image.filepath_from_user())
     extension = os.path.splitext(path)[1].lower()
     if extension not in (".exr", ".hdr"):
         return None
     if image.packed_file is None:
         return path if os.path.isfile(path) else None
-    data = image.packed_file.data
-    unpacked = os.path.join(folder, f"world_{len(data)}_{hash(data) & 0xFFFFFFFF:08x}{extension}")
-    if not os.path.isfile(unpacked):
-        with open(unpacked, "wb") as file:
-            file.write(data)
-    return unpacked
+    return os.path.join(folder, named_files.write(folder, "world", extension, image.packed_file.data))

@@ -57,8 +57,20 @@ def read(mesh):
     )
 
 
-def _unit(vectors):
+def unit(vectors):
+    """Returns vectors of length 1; those without length stay so."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
+
+
+def along_uv(positions, uvs, triangles):
+    """Returns of each triangle the changes of the position along u and along v, (triangles, 3), the determinant of its texture
+    coordinates, by which both have to be divided, and twice its area."""
+    corners, turns = positions[triangles].astype(np.float64), uvs[triangles].astype(np.float64)
+    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    s, t = turns[:, 1] - turns[:, 0], turns[:, 2] - turns[:, 0]
+    determinant = s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]
+    area = np.linalg.norm(np.cross(e, f), axis=1)
+    return e * t[:, 1:] - f * s[:, 1:], f * s[:, :1] - e * t[:, :1], determinant, area
 
 
 def tangents(positions, normals, uvs, triangles):
@@ -66,18 +78,13 @@ def tangents(positions, normals, uvs, triangles):
 
     They are sums over the triangles around a vertex, each weighted by its area.
     """
-    corners, turns = positions[triangles].astype(np.float64), uvs[triangles].astype(np.float64)
-    e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    s, t = turns[:, 1] - turns[:, 0], turns[:, 2] - turns[:, 0]
-    determinant = s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]
-    area = np.linalg.norm(np.cross(e, f), axis=1)
+    along_u, along_v, determinant, area = along_uv(positions, uvs, triangles)
     good = np.abs(determinant) >= 1e-20
     determinant = np.where(good, determinant, 1.0)[:, None]
-    along = [(e * t[:, 1:] - f * s[:, 1:]) / determinant, (f * s[:, :1] - e * t[:, :1]) / determinant]
     sums = []
-    for direction in along:
+    for direction in (along_u, along_v):
         total = np.zeros((len(positions), 3))
-        weighted = _unit(direction) * (area * good)[:, None]
+        weighted = unit(direction / determinant) * (area * good)[:, None]
         for corner in range(3):
             np.add.at(total, triangles[:, corner], weighted)
         sums.append(total)
@@ -86,6 +93,6 @@ def tangents(positions, normals, uvs, triangles):
     # Where u has no direction, any will do.
     other = np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]]))
     lost = np.linalg.norm(flat, axis=1, keepdims=True) <= 1e-6 * np.linalg.norm(sums[0], axis=1, keepdims=True)
-    tangent = _unit(np.where(lost, other, flat))
+    tangent = unit(np.where(lost, other, flat))
     sign = np.where(np.sum(np.cross(normals, sums[0]) * sums[1], axis=1) < 0.0, -1.0, 1.0)
     return tangent, np.cross(normals, tangent) * sign[:, None]

@@ -5,12 +5,27 @@ import bpy
 from .engine import BtfRenderEngine
 
 
-class BTF_PT_material(bpy.types.Panel):
+class _OfProperties:
+    """A panel of the properties editor."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+
+
+class _OfEngine(_OfProperties):
+    """A panel that is there for our engine alone."""
+
+    COMPAT_ENGINES = {BtfRenderEngine.bl_idname}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+
+class BTF_PT_material(_OfProperties, bpy.types.Panel):
     """The asset of the active material."""
 
     bl_label = "BTF asset"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
     bl_context = "material"
 
     @classmethod
@@ -32,18 +47,11 @@ class BTF_PT_material(bpy.types.Panel):
         column.operator("btf.bake_here", icon="RENDER_STILL")
 
 
-class BTF_PT_render(bpy.types.Panel):
+class BTF_PT_render(_OfEngine, bpy.types.Panel):
     """The settings of the engine."""
 
     bl_label = "BTF"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
     bl_context = "render"
-    COMPAT_ENGINES = {BtfRenderEngine.bl_idname}
-
-    @classmethod
-    def poll(cls, context):
-        return context.engine in cls.COMPAT_ENGINES
 
     def draw(self, context):
         layout, settings = self.layout, context.scene.btf
@@ -52,18 +60,15 @@ class BTF_PT_render(bpy.types.Panel):
             layout.prop(settings, name)
 
 
-class BTF_PT_light(bpy.types.Panel):
+class BTF_PT_light(_OfEngine, bpy.types.Panel):
     """The light of a lamp, as the engine takes it."""
 
     bl_label = "Light"
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
     bl_context = "data"
-    COMPAT_ENGINES = {BtfRenderEngine.bl_idname}
 
     @classmethod
     def poll(cls, context):
-        return context.light is not None and context.engine in cls.COMPAT_ENGINES
+        return context.light is not None and super().poll(context)
 
     def draw(self, context):
         layout, light = self.layout, context.light

@@ -14,18 +14,13 @@ def metres_per_uv(mesh, scale, metres_per_unit):
     arrays = mesh_arrays.read(mesh)
     if arrays is None or arrays.uvs is None:
         return None
-    corners = arrays.positions[arrays.triangles] * np.asarray(scale, np.float64)
-    uvs = arrays.uvs[arrays.triangles].astype(np.float64)
-    edges, turns = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
-    determinant = turns[:, 0, 0] * turns[:, 1, 1] - turns[:, 1, 0] * turns[:, 0, 1]
-    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    positions = arrays.positions * np.asarray(scale, np.float64)
+    along_u, along_v, determinant, area = mesh_arrays.along_uv(positions, arrays.uvs, arrays.triangles)
     good = (np.abs(determinant) > 1e-12) & (area > 0.0)
     if not good.any():
         return None
-    edges, turns, determinant, area = edges[good], turns[good], determinant[good, None], area[good]
-    along_u = (edges[:, 0] * turns[:, 1, 1:] - edges[:, 1] * turns[:, 0, 1:]) / determinant
-    along_v = (edges[:, 1] * turns[:, 0, :1] - edges[:, 0] * turns[:, 1, :1]) / determinant
-    mean = [float(np.average(np.linalg.norm(along, axis=1), weights=area)) for along in (along_u, along_v)]
+    lengths = [np.linalg.norm(along[good], axis=1) / np.abs(determinant[good]) for along in (along_u, along_v)]
+    mean = [float(np.average(length, weights=area[good])) for length in lengths]
     return [metres_per_unit * length for length in mean]
 
 

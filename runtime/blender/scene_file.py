@@ -1,12 +1,10 @@
 """Writes what an evaluated scene shows as files for `btf-view`: a mesh file and a scene file that gives it its materials."""
 
-import hashlib
 import json
 import os
 import struct
-import tempfile
 
-from . import lights, mesh_arrays
+from . import lights, mesh_arrays, named_files
 from .asset_file import AssetError, absolute_path
 from .camera import has_surface
 from .mesh_file import MeshFile
@@ -142,10 +140,10 @@ def write(depsgraph, folder):
     file = MeshFile()
     materials = _Materials(file)
     _add_surfaces(depsgraph, file, materials)
-    world = lights.world_of(depsgraph.scene.world, folder)
-    if file.is_empty():
-        return Exported(None, world, world.left_out)
     try:
+        world = lights.world_of(depsgraph.scene.world, folder)
+        if file.is_empty():
+            return Exported(None, world, world.left_out)
         return _written(file, materials, world, folder)
     except (OSError, struct.error, UnicodeError) as error:
         raise AssetError(f"the scene cannot be written into {folder} ({error}): make room there") from error
@@ -153,34 +151,13 @@ def write(depsgraph, folder):
 
 def _written(file, materials, world, folder):
     """Writes the two files. Names tell contents, so that a picture of an earlier scene may still be in the making."""
-    name = _write(folder, "meshes", ".glb", file.encoded())
+    name = named_files.write(folder, "meshes", ".glb", file.encoded())
     tables, parts = materials.toml()
     lines = ["[[object]]", f"mesh = {_text(name)}", f"parts = {{ {', '.join(parts)} }}"]
     if world.picture:
         lines += [_written_at(world.picture), "[environment]", f"file = {_text(world.picture)}"]
         lines += [f"gain = {world.gain!r}", f"turn_deg = {world.turn_deg!r}"]
-    scene = _write(folder, "scene", ".toml", "\n".join([*tables, *lines, ""]).encode())
-    _remove_old(folder)
+    scene = named_files.write(folder, "scene", ".toml", "\n".join([*tables, *lines, ""]).encode())
+    for kind in ("scene", "meshes"):
+        named_files.remove_old(folder, kind, _KEPT)
     return Exported(os.path.join(folder, scene), world, world.left_out)
-
-
-def _write(folder, kind, extension, data):
-    """Writes a file whose name tells its contents, whole or not at all. Returns the name."""
-    name = f"{kind}_{hashlib.blake2b(data, digest_size=12).hexdigest()}{extension}"
-    path = os.path.join(folder, name)
-    if os.path.isfile(path):
-        # The newest is the one in use.
-        os.utime(path)
-        return name
-    with tempfile.NamedTemporaryFile(dir=folder, delete=False) as out:
-        out.write(data)
-    os.replace(out.name, path)
-    return name
-
-
-def _remove_old(folder):
-    """Removes all but the newest scenes and meshes."""
-    for kind in ("scene_", "meshes_"):
-        paths = [os.path.join(folder, name) for name in os.listdir(folder) if name.startswith(kind)]
-        for path in sorted(paths, key=os.path.getmtime)[:-_KEPT]:
-            os.remove(path)

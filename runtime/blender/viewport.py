@@ -18,7 +18,7 @@ class ViewportPictures:
         self._condition = threading.Condition()
         self._wanted, self._samples, self._ended = None, 1, False
         self._viewer, self._kind = None, None
-        #: The newest picture, `(pixels, view)`, and the sentence that says why there is none.
+        #: The newest picture, as of `viewer.cut`, and the sentence that says why there is none.
         self.picture, self.sentence = None, ""
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -67,7 +67,7 @@ class ViewportPictures:
         try:
             process = self._process(program, backend)
             pixels = process.draw({**request, "frames": samples}, is_cancelled=self._has_ended)
-            picture = (viewer.cut(pixels, view.part), view)
+            picture = viewer.cut(pixels, view.part)
         except Exception as error:  # noqa: BLE001, a thread that ended would leave the viewport as it is without a word
             sentence, samples = str(error), most
         with self._condition:
@@ -75,7 +75,8 @@ class ViewportPictures:
                 # It was about something else.
                 return
             if self._wanted is not None:
-                self.picture, self.sentence = picture or self.picture, sentence
+                self.sentence = sentence
+                self.picture = self.picture if picture is None else picture
             if self._wanted is wanted:
                 # Up to the number that was asked for, then no further.
                 self._samples = most + 1 if samples >= most else min(samples * _MORE_SAMPLES, most)

@@ -8,7 +8,7 @@ degrees}.
 The floor is the plane 2 x 2 in z = 0, facing +z; the wall the same, turned by -90 degrees about x and moved by y = 1, z = 1, so that
 it faces -y. Pictures are written as float32, rows from the top.
 
-Out (JSON on stdout): {"version", "furnace": mean radiance of a sphere in surroundings of radiance 1 whose asset, fitted here to an
+Out (JSON on stdout): {"absent": a sentence} where there is no LLVM, else {"version", "furnace": mean radiance of a sphere in surroundings of radiance 1 whose asset, fitted here to an
 array, reflects all light}.
 """
 
@@ -20,21 +20,15 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-mi.set_variant("llvm_ad_rgb")
+try:
+    mi.set_variant("llvm_ad_rgb")
+except ImportError as error:
+    json.dump({"absent": f"Mitsuba finds no LLVM: {str(error).splitlines()[0]}"}, sys.stdout)
+    sys.exit()
 import btf.mitsuba  # noqa: E402, registers the BSDF of the variant
 
-QUAD = """v -1 -1 0
-v 1 -1 0
-v 1 1 0
-v -1 1 0
-vt 0 0
-vt 1 0
-vt 1 1
-vt 0 1
-vn 0 0 1
-f 1/1/1 2/2/1 3/3/1
-f 1/1/1 3/3/1 4/4/1
-"""
+#: A plane of 2 x 2 that its texture covers once.
+QUAD = Path(__file__).with_name("quad.obj")
 
 
 def sensor_of(camera, size):
@@ -44,11 +38,9 @@ def sensor_of(camera, size):
             "sampler": {"type": "independent"}}
 
 
-def scene_of(query, turned, folder):
+def scene_of(query, turned):
     # Meshes: two of Mitsuba's rectangles in a scene are not met by any ray of the variants of LLVM (3.7.1).
-    quad = folder / "quad.obj"
-    quad.write_text(QUAD)
-    plane = {"type": "obj", "filename": str(quad), "flip_tex_coords": False}
+    plane = {"type": "obj", "filename": str(QUAD), "flip_tex_coords": False}
     transform = mi.ScalarTransform4f
     bsdf = {"type": "btf", "filename": query["asset"], "uv_scale": query["uv_scale"]}
     # The middle of Mitsuba's pictures lies towards +z.
@@ -124,11 +116,10 @@ def check_widths(asset):
 
 def main():
     query = json.load(sys.stdin)
+    for turned, path in query["pictures"]:
+        picture = np.array(mi.render(scene_of(query, turned), spp=query["samples"]))[..., :3]
+        picture.astype(np.float32).tofile(path)
     with tempfile.TemporaryDirectory() as folder:
-        for turned, path in query["pictures"]:
-            scene = scene_of(query, turned, Path(folder))
-            picture = np.array(mi.render(scene, spp=query["samples"]))[..., :3]
-            picture.astype(np.float32).tofile(path)
         answer = {"version": mi.__version__, "furnace": furnace(Path(folder))}
     check_widths(query["asset"])
     json.dump(answer, sys.stdout)

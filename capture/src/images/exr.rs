@@ -3,8 +3,8 @@
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use exr::image::FlatSamples;
 use exr::image::read::read;
+use exr::image::{FlatSamples, IntoSample};
 use exr::meta::MetaData;
 use exr::meta::header::Header;
 use exr::prelude::{
@@ -134,25 +134,27 @@ fn decode_spectrum(
 /// largest.
 pub(crate) fn encode(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
     // Not `min`, which would turn a NaN into the largest value.
-    let half = |value: f32| f16::from_f32(if value > MAX_HALF { MAX_HALF } else { value });
-    let channels = SpecificChannels::rgb(|position: Vec2<usize>| {
-        let at = (position.y() * width + position.x()) * 3;
-        (half(values[at]), half(values[at + 1]), half(values[at + 2]))
-    });
-    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
-    let mut bytes = Cursor::new(Vec::with_capacity(width * height * 6 + 4096));
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
-    Ok(bytes.into_inner())
+    encode_as(values, width, height, |value| f16::from_f32(if value > MAX_HALF { MAX_HALF } else { value }))
 }
 
 /// Encodes linear `values`, `[texel, channel]`, as single-precision RGB without compression.
 pub(crate) fn encode_single(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
+    encode_as(values, width, height, |value| value)
+}
+
+/// Encodes linear `values`, `[texel, channel]`, as RGB of another type without compression.
+fn encode_as<T: IntoSample>(
+    values: &[f32],
+    width: usize,
+    height: usize,
+    sample: impl Fn(f32) -> T + Sync,
+) -> Result<Vec<u8>, String> {
     let channels = SpecificChannels::rgb(|position: Vec2<usize>| {
         let at = (position.y() * width + position.x()) * 3;
-        (values[at], values[at + 1], values[at + 2])
+        (sample(values[at]), sample(values[at + 1]), sample(values[at + 2]))
     });
     let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
-    let mut bytes = Cursor::new(Vec::with_capacity(width * height * 12 + 4096));
+    let mut bytes = Cursor::new(Vec::with_capacity(width * height * 3 * size_of::<T>() + 4096));
     Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
     Ok(bytes.into_inner())
 }

@@ -14,7 +14,9 @@ import tempfile
 
 import bpy
 import numpy as np
-from mathutils import Vector
+
+sys.path.append(os.path.dirname(os.path.abspath(__file__)))
+from pictures import look_from, rendered, write_png  # noqa: E402
 
 #: Width and depth of the cloth in metres, and quads along each.
 SIDE_M, QUADS = 0.14, 200
@@ -48,8 +50,7 @@ def folded_cloth():
 
 def place(data, at, towards=(0.0, 0.0, 0.0)):
     obj = bpy.data.objects.new(data.name, data)
-    obj.location, obj.rotation_mode = at, "QUATERNION"
-    obj.rotation_quaternion = (Vector(at) - Vector(towards)).to_track_quat("Z", "Y")
+    look_from(obj, at, towards)
     bpy.context.scene.collection.objects.link(obj)
     return obj
 
@@ -68,16 +69,6 @@ def light_and_camera(scene):
     background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (1.0, 1.0, 1.0, 1.0), 0.12
 
 
-def rendered(scene, engine, folder):
-    scene.render.engine = engine
-    scene.render.filepath = os.path.join(folder, f"{engine}.png")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(image.size[1], image.size[0], 4)
-
-
 def main(asset, out, width):
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
@@ -93,11 +84,7 @@ def main(asset, out, width):
     with tempfile.TemporaryDirectory() as folder:
         btf, cycles = (rendered(scene, engine, folder) for engine in ("BTF", "CYCLES"))
     btf[:, width // 2 :] = cycles[:, width // 2 :]
-    btf[:, width // 2 - 1 : width // 2 + 1] = 1.0
-    image = bpy.data.images.new("both", width, btf.shape[0])
-    image.pixels.foreach_set(btf.ravel())
-    image.filepath_raw, image.file_format = os.path.abspath(out), "PNG"
-    image.save()
+    write_png(btf, out)
 
 
 if __name__ == "__main__":

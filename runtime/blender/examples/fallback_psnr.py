@@ -12,7 +12,9 @@ import sys
 
 import bpy
 import numpy as np
-from mathutils import Vector
+
+sys.path.append(os.path.dirname(os.path.abspath(__file__)))
+from pictures import look_from  # noqa: E402
 
 #: Cosine of the lowest direction's angle with the normal.
 LOWEST = math.sin(math.radians(15.0))
@@ -31,12 +33,6 @@ def codes(linear):
     """Returns 8-bit sRGB codes."""
     x = np.clip(linear, 0.0, 1.0)
     return np.round(255.0 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1.0 / 2.4) - 0.055))
-
-
-def look_from(obj, place):
-    obj.location = place
-    obj.rotation_mode = "QUATERNION"
-    obj.rotation_quaternion = Vector(place).to_track_quat("Z", "Y")
 
 
 def psnr_db(path, obj, pairs=24):

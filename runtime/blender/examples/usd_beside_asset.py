@@ -13,17 +13,15 @@ import tempfile
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Matrix
+
+sys.path.append(os.path.dirname(os.path.abspath(__file__)))
+from pictures import look_from, rendered, write_png  # noqa: E402
 
 SAMPLES = 32
 
 
-def look_from(obj, at):
-    obj.location, obj.rotation_mode = at, "QUATERNION"
-    obj.rotation_quaternion = Vector(at).to_track_quat("Z", "Y")
-
-
-def new_scene(size_m):
+def new_scene(size_m, width):
     """Makes a dark scene with a camera above and a lamp beside a plane of `size_m` metres in the plane z = 0."""
     bpy.ops.wm.read_homefile(use_empty=True)
     scene = bpy.context.scene
@@ -40,22 +38,11 @@ def new_scene(size_m):
     for obj in (lamp, eye):
         scene.collection.objects.link(obj)
     scene.camera = eye
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = width, width, 100
     scene.view_settings.view_transform = "Standard"
     scene.cycles.samples, scene.cycles.device, scene.btf.samples = SAMPLES, "CPU", SAMPLES
     scene.cycles.max_bounces, scene.cycles.use_denoising = 0, False
     return scene
-
-
-def rendered(scene, engine, width, folder):
-    scene.render.engine = engine
-    scene.render.resolution_x, scene.render.resolution_y = width, width
-    scene.render.resolution_percentage = 100
-    scene.render.filepath = os.path.join(folder, f"{engine}.png")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath, check_existing=False)
-    pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(image.size[1], image.size[0], 4)
 
 
 def main(usd, asset, out, width):
@@ -63,23 +50,18 @@ def main(usd, asset, out, width):
 
     size_m = btf.open(asset).meta["size_mm"][0] / 1000.0
     with tempfile.TemporaryDirectory() as folder:
-        scene = new_scene(size_m)
+        scene = new_scene(size_m, width)
         bpy.ops.btf.import_asset(filepath=os.path.abspath(asset), fallback="COLOUR")
-        left = rendered(scene, "BTF", width, folder)
-        scene = new_scene(size_m)
+        left = rendered(scene, "BTF", folder)
+        scene = new_scene(size_m, width)
         bpy.ops.wm.usd_import(filepath=os.path.abspath(usd), import_textures_mode="IMPORT_PACK")
         bpy.context.view_layer.update()
         # The file's plane stands, with y up.
         for obj in scene.objects:
             if obj.type == "MESH":
                 obj.matrix_world = Matrix.Rotation(math.radians(-90.0), 4, "X") @ obj.matrix_world
-        right = rendered(scene, "CYCLES", width, folder)
-    both = np.concatenate([left, right], axis=1)
-    both[:, width - 1 : width + 1] = 1.0
-    image = bpy.data.images.new("both", 2 * width, width)
-    image.pixels.foreach_set(both.ravel())
-    image.filepath_raw, image.file_format = os.path.abspath(out), "PNG"
-    image.save()
+        right = rendered(scene, "CYCLES", folder)
+    write_png(np.concatenate([left, right], axis=1), out)
 
 
 if __name__ == "__main__":

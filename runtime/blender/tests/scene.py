@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
-from fallback_psnr import look_from  # noqa: E402
+from pictures import look_from  # noqa: E402
 
 ADDON = "bl_ext.user_default.btf_materials"
 ASSET = str(Path(__file__).resolve().parents[3] / "viewer" / "src" / "scene" / "builtin" / "weave.spmm")

@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 from scene import ASSET, VIEW, Scene, part, read_picture
 
-from fallback_psnr import codes, look_from  # isort: skip
+from fallback_psnr import codes  # isort: skip
+from pictures import look_from  # isort: skip
 
 
 class AgainstBtfView(Scene):
@@ -279,27 +280,27 @@ class Viewport(Scene):
     def test_the_picture_is_that_of_the_final_rendering(self):
         self.ask()
         self.wait(lambda: self.pictures.picture is not None)
-        self.assertTrue(np.allclose(self.pictures.picture[0][..., :3], self.rendered(), atol=1e-5))
-        first = self.pictures.picture[0]
+        self.assertTrue(np.allclose(self.pictures.picture[..., :3], self.rendered(), atol=1e-5))
+        first = self.pictures.picture
         look_from(self.camera, (3.0, 4.0, 1.0))
         bpy.context.view_layer.update()
         self.ask(samples=16)
-        self.wait(lambda: self.pictures.picture[0] is not first)
-        second = self.pictures.picture[0]
+        self.wait(lambda: self.pictures.picture is not first)
+        second = self.pictures.picture
         self.assertGreater(float(np.abs(second - first).mean()), 0.01)
         # It gets more samples while nothing moves.
-        self.wait(lambda: self.pictures.picture[0] is not second)
+        self.wait(lambda: self.pictures.picture is not second)
 
     def test_an_object_that_moves_is_another_picture(self):
         self.ask()
         self.wait(lambda: self.pictures.picture is not None)
-        first = self.pictures.picture[0]
+        first = self.pictures.picture
         bpy.context.active_object.location.x += 0.5
         depsgraph = bpy.context.evaluated_depsgraph_get()
         self.exported = part("scene_file").write(depsgraph, str(self.folder))
         self.ask()
-        self.wait(lambda: self.pictures.picture[0] is not first)
-        self.assertGreater(float(np.abs(self.pictures.picture[0] - first).mean()), 0.01)
+        self.wait(lambda: self.pictures.picture is not first)
+        self.assertGreater(float(np.abs(self.pictures.picture - first).mean()), 0.01)
         # However often it moves, the folder does not grow.
         for step in range(10):
             bpy.context.active_object.location.x = 0.1 * step

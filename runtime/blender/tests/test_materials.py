@@ -15,7 +15,7 @@ from scene import ASSET, FIT, SYNTH, Scene, part  # before btf, which comes with
 
 import btf  # isort: skip
 import fallback_psnr  # isort: skip
-from fallback_psnr import look_from  # isort: skip
+from pictures import look_from  # isort: skip
 
 
 def import_asset(path=ASSET, **settings):

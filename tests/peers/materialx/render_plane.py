@@ -12,7 +12,6 @@ import json
 import math
 import os
 import sys
-import tempfile
 
 import MaterialX as mx
 import MaterialX.PyMaterialXGenGlsl as gen_glsl
@@ -21,18 +20,8 @@ import MaterialX.PyMaterialXRender as mx_render
 import MaterialX.PyMaterialXRenderGlsl as render_glsl
 
 EYE = (0.0, 0.0, 1.5)
-PLANE = """v -1 -1 0
-v 1 -1 0
-v 1 1 0
-v -1 1 0
-vt 0 0
-vt 1 0
-vt 1 1
-vt 0 1
-vn 0 0 1
-f 1/1/1 2/2/1 3/3/1
-f 1/1/1 3/3/1 4/4/1
-"""
+#: A plane of 2 x 2 that its texture covers once.
+PLANE = os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir, "quad.obj")
 
 
 def read(path):
@@ -47,7 +36,7 @@ def read(path):
     return document, search, "" if valid else complaints
 
 
-def draw(document, search, material, light, size, folder):
+def draw(document, search, material, light, size):
     """Pixels of the plane, row by row from below: three numbers each."""
     node = document.addNode("directional_light", "light_of_the_test", "lightshader")
     node.setInputValue("direction", mx.Vector3(*(-x for x in light)))
@@ -81,12 +70,9 @@ def draw(document, search, material, light, size, folder):
     lights.registerLights(document, [node], context)
     lights.setLightSources([node])
 
-    plane = os.path.join(folder, "plane.obj")
-    with open(plane, "w") as file:
-        file.write(PLANE)
     geometry = renderer.getGeometryHandler()
     geometry.addLoader(mx_render.TinyObjLoader.create())
-    geometry.loadGeometry(mx.FilePath(plane), False)
+    geometry.loadGeometry(mx.FilePath(PLANE), False)
     camera = mx_render.Camera.create()
     camera.setViewMatrix(mx_render.Camera.createViewMatrix(
         mx.Vector3(*EYE), mx.Vector3(0, 0, 0), mx.Vector3(0, 1, 0)))
@@ -125,13 +111,12 @@ def eyes(size):
 def main():
     query = json.load(sys.stdin)
     answer = {"complaints": "", "pictures": [], "eyes": eyes(query["size"])}
-    with tempfile.TemporaryDirectory() as folder:
-        for light in query["lights"]:
-            document, search, answer["complaints"] = read(query["document"])
-            material = document.getNode(query["material"])
-            if material is None or answer["complaints"]:
-                break
-            answer["pictures"].append(draw(document, search, material, light, query["size"], folder))
+    for light in query["lights"]:
+        document, search, answer["complaints"] = read(query["document"])
+        material = document.getNode(query["material"])
+        if material is None or answer["complaints"]:
+            break
+        answer["pictures"].append(draw(document, search, material, light, query["size"]))
     json.dump(answer, sys.stdout)
 
 

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::files::{copy, failed, files_of, make_empty};
 use crate::shell::{cargo, root, run_and_read, run_checked};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The interface's folder, relative to the repository's root.
@@ -98,7 +98,7 @@ fn configured(sample: &Path, prefix: &Path, build: &Path) -> Result<bool, Failur
 }
 
 /// Builds a project of CMake; returns the program.
-fn built_by_cmake(sample: &Path, prefix: &Path, build: &Path) -> Result<std::path::PathBuf, Failure> {
+fn built_by_cmake(sample: &Path, prefix: &Path, build: &Path) -> Result<PathBuf, Failure> {
     if !configured(sample, prefix, build)? {
         return Err(Failure::new("CMake did not find the package btf: see its output above".to_string()));
     }
@@ -107,7 +107,7 @@ fn built_by_cmake(sample: &Path, prefix: &Path, build: &Path) -> Result<std::pat
 }
 
 /// Builds a source with the flags of pkg-config; returns the program.
-fn built_by_pkg_config(source: &Path, prefix: &Path, work: &Path) -> Result<std::path::PathBuf, Failure> {
+fn built_by_pkg_config(source: &Path, prefix: &Path, work: &Path) -> Result<PathBuf, Failure> {
     let mut ask = Command::new("pkg-config");
     ask.args(["--cflags", "--libs", "btf"]).env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig"));
     let (status, flags) = run_and_read(&mut ask)?;
