@@ -42,6 +42,8 @@ pub use export::gltf::document::{AssetPlace, EXTENSION, GltfExport, export_gltf}
 pub use export::gltf::fit::{GltfFit, MIN_SAVED, Maps, TriedPart, fit_gltf};
 pub use export::gltf::textures::{GltfImage, GltfTextures};
 pub use export::ktx2::file::{Ktx2Array, Ktx2Format};
+pub use export::ktx2::filtered::error::LayerError;
+pub use export::ktx2::filtered::export::{FilteredExport, FilteredFigures, FilteredParams, export_filtered};
 pub use export::ktx2::planes::{KTX2_KEY, Ktx2Export, export_ktx2};
 pub use export::openpbr::export::{MaterialXExport, OpenPbrFigures, export_materialx};
 pub use export::openpbr::fit::{OpenPbrFit, fit_openpbr};

@@ -3,8 +3,12 @@
 use super::failure::Failure;
 use super::options::Shared;
 use super::output::{check_distinct, check_file, tell};
-use btf_capture::write_file_atomically;
-use btf_fit::{export_ktx2, read_file, text_from_bytes, with_path};
+use super::progress;
+use btf_capture::{Capture, write_file_atomically};
+use btf_fit::{
+    FilteredFigures, FilteredParams, bytes_from_text, export_filtered, export_ktx2, load_asset, read_file,
+    text_from_bytes, with_path,
+};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -14,9 +18,15 @@ use std::path::{Path, PathBuf};
 /// FILE holds what each texel has, as planes of one array with mip levels, and says in its key/value data where
 /// everything lies. The bases of each layer stand beside it, in FILE's name with .bases-front.ktx2 and so on in place
 /// of .ktx2. docs/reference/ktx2.md tells how a value is decoded from them.
+///
+/// With --bc textures are block-compressed (BC5, BC7) and hold the material without clusters and lobes, so that samplers
+/// filter them; a shader of sixty lines decodes them. They are fitted anew, at some loss that is told;
+/// docs/reference/ktx2-filtered.md.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:
-  btf-fit export-ktx2 wool.spmm -o wool.ktx2")]
+#[command(after_help = "Examples:
+  btf-fit export-ktx2 wool.spmm -o wool.ktx2
+  btf-fit export-ktx2 wool.spmm -o wool.ktx2 --bc --bytes 12MB
+  btf-fit export-ktx2 wool.spmm -o wool.ktx2 --bc --capture WOOL")]
 pub(super) struct ExportKtx2Args {
     /// The asset, in either form, or a tier of one
     #[arg(value_name = "ASSET.spmm")]
@@ -24,6 +34,19 @@ pub(super) struct ExportKtx2Args {
     /// The file of the planes; its name ends in .ktx2
     #[arg(short = 'o', long, value_name = "FILE")]
     out: PathBuf,
+    /// Write block-compressed textures that samplers filter
+    #[arg(long)]
+    bc: bool,
+    /// Most memory that the textures may take on the GPU, such as 12MB; 183 bytes a texel and layer if not given
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, requires = "bc")]
+    bytes: Option<u64>,
+    /// Fit the finest texels to this capture, which the asset was fitted to, in place of the asset: less is lost. One
+    /// for each layer
+    #[arg(long = "capture", value_name = "CAPTURE", requires = "bc")]
+    captures: Vec<PathBuf>,
+    /// Most memory to use for the captures' images
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB", requires = "bc")]
+    memory: u64,
     /// Write what was written as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -39,6 +62,14 @@ struct Exported {
     levels: usize,
 }
 
+/// Result that `export-ktx2 --bc --json` writes.
+#[derive(Debug, Serialize)]
+struct ExportedFiltered {
+    files: Vec<Written>,
+    memory_bytes: usize,
+    layers: Vec<FilteredFigures>,
+}
+
 #[derive(Debug, Serialize)]
 struct Written {
     file: String,
@@ -46,8 +77,6 @@ struct Written {
 }
 
 pub(super) fn run(args: &ExportKtx2Args, shared: &Shared) -> Result<(), Failure> {
-    let bytes = read_file(&args.asset)?;
-    let inputs = std::slice::from_ref(&args.asset);
     let name = args.out.file_name().unwrap_or_default().to_string_lossy();
     let Some(stem) = name.strip_suffix(".ktx2").filter(|stem| !stem.is_empty()) else {
         return Err(Failure::Usage(format!(
@@ -55,45 +84,86 @@ pub(super) fn run(args: &ExportKtx2Args, shared: &Shared) -> Result<(), Failure>
             args.out.display()
         )));
     };
-    check_file(&args.out, inputs)?;
+    check_file(&args.out, std::slice::from_ref(&args.asset))?;
     if let Some(target) = &args.json {
-        check_file(target, inputs)?;
+        check_file(target, std::slice::from_ref(&args.asset))?;
     }
+    if args.bc { run_filtered(args, stem, shared) } else { run_planes(args, stem, shared) }
+}
+
+fn run_planes(args: &ExportKtx2Args, stem: &str, shared: &Shared) -> Result<(), Failure> {
+    let bytes = read_file(&args.asset)?;
     let export = export_ktx2(bytes, stem).map_err(|error| with_path(&args.asset, error))?;
-    let folder = args.out.parent().unwrap_or(Path::new(""));
-    let paths: Vec<PathBuf> = export.files.iter().map(|(name, _)| folder.join(name)).collect();
-    for path in &paths {
-        check_file(path, inputs)?;
-    }
-    let outputs: Vec<&Path> = paths.iter().chain(&args.json).map(PathBuf::as_path).collect();
-    check_distinct(&outputs)?;
-    // The file that names the others comes last.
-    for (path, (_, bytes)) in paths.iter().zip(&export.files).rev() {
-        write_file_atomically(path, bytes)?;
-    }
-    let written = paths.iter().zip(&export.files);
-    let result = Exported {
-        files: written
-            .map(|(path, (_, bytes))| Written { file: path.display().to_string(), bytes: bytes.len() })
-            .collect(),
-        width: export.size[0],
-        height: export.size[1],
-        planes: export.planes,
-        levels: export.levels,
-    };
+    let files = write(args, &export.files)?;
+    let [width, height] = export.size;
+    let result = Exported { files, width, height, planes: export.planes, levels: export.levels };
     tell(args.json.as_deref(), shared.quiet, &result, || {
-        let lines: Vec<String> = result
-            .files
-            .iter()
-            .map(|written| format!("{}: {}", written.file, text_from_bytes(written.bytes as u64)))
-            .collect();
         format!(
-            "{}\n{} planes of {} x {} texels, {} levels",
-            lines.join("\n"),
+            "{}\n{} planes of {width} x {height} texels, {} levels",
+            lines(&result.files),
             result.planes,
-            result.width,
-            result.height,
             result.levels
         )
     })
+}
+
+fn run_filtered(args: &ExportKtx2Args, stem: &str, shared: &Shared) -> Result<(), Failure> {
+    let (_, asset) = load_asset(&args.asset)?;
+    let captures = args.captures.iter().map(Capture::open).collect::<Result<Vec<_>, _>>()?;
+    let monitor = progress::monitor(shared, None)?;
+    let params = FilteredParams { bytes: args.bytes, memory_bytes: args.memory };
+    let export =
+        export_filtered(&asset, stem, &captures, &params, &monitor).map_err(|error| with_path(&args.asset, error))?;
+    if asset.width % 4 != 0 || asset.height % 4 != 0 {
+        monitor.remark(&format!(
+            "{} x {} texels are no whole blocks of 4: Vulkan takes these textures, Direct3D and WebGPU do not",
+            asset.width, asset.height
+        ));
+    }
+    let files = write(args, &export.files)?;
+    let result = ExportedFiltered { files, memory_bytes: export.memory_bytes, layers: export.layers };
+    tell(args.json.as_deref(), shared.quiet, &result, || {
+        let layers: Vec<String> = result.layers.iter().map(layer_line).collect();
+        format!(
+            "{}\n{}\n{} in memory",
+            lines(&result.files),
+            layers.join("\n"),
+            text_from_bytes(result.memory_bytes as u64)
+        )
+    })
+}
+
+/// Says what a layer's textures are and what is lost.
+fn layer_line(layer: &FilteredFigures) -> String {
+    let error = &layer.error;
+    let mut line = format!(
+        "{}: {} components, {} of them with mip levels; {} texture reads at the finest level; {:.2} dB to the asset",
+        layer.side, layer.components, layer.coarse_components, layer.reads[0], error.psnr_to_asset_db
+    );
+    if let (Some(textures), Some(asset)) = (error.psnr_to_capture_db, error.asset_psnr_to_capture_db) {
+        line += &format!(", {textures:.2} dB to the capture (the asset: {asset:.2})");
+    }
+    line
+}
+
+fn lines(files: &[Written]) -> String {
+    let lines: Vec<String> =
+        files.iter().map(|written| format!("{}: {}", written.file, text_from_bytes(written.bytes as u64))).collect();
+    lines.join("\n")
+}
+
+/// Writes the files beside the first one, which comes last: it names the others.
+fn write(args: &ExportKtx2Args, files: &[(String, Vec<u8>)]) -> Result<Vec<Written>, Failure> {
+    let folder = args.out.parent().unwrap_or(Path::new(""));
+    let paths: Vec<PathBuf> = files.iter().map(|(name, _)| folder.join(name)).collect();
+    for path in &paths {
+        check_file(path, std::slice::from_ref(&args.asset))?;
+    }
+    let outputs: Vec<&Path> = paths.iter().chain(&args.json).map(PathBuf::as_path).collect();
+    check_distinct(&outputs)?;
+    for (path, (_, bytes)) in paths.iter().zip(files).rev() {
+        write_file_atomically(path, bytes)?;
+    }
+    let written = paths.iter().zip(files);
+    Ok(written.map(|(path, (_, bytes))| Written { file: path.display().to_string(), bytes: bytes.len() }).collect())
 }

@@ -1,13 +1,28 @@
 //! A KTX 2.0 file (Khronos Texture, version 2.0 of the specification): header, index, data format descriptor, key/value
 //! data, mip levels. As much of it as uncompressed two-dimensional arrays need.
 
-/// Format of a texel.
+/// Format of the texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ktx2Format {
     /// `VK_FORMAT_R8_UINT`.
     R8Uint,
     /// `VK_FORMAT_R16G16B16A16_SFLOAT`.
     Rgba16Float,
+    /// `VK_FORMAT_R32G32B32A32_SFLOAT`.
+    Rgba32Float,
+    /// `VK_FORMAT_BC5_UNORM_BLOCK`.
+    Bc5,
+    /// `VK_FORMAT_BC7_UNORM_BLOCK`.
+    Bc7,
+}
+
+/// A channel in the data format descriptor.
+struct Channel {
+    number: u32,
+    /// First bit in a block, and bits.
+    bits: [u32; 2],
+    /// Numbers that stand for 0 (or -1) and 1.
+    range: [u32; 2],
 }
 
 impl Ktx2Format {
@@ -16,32 +31,70 @@ impl Ktx2Format {
         match self {
             Ktx2Format::R8Uint => 13,
             Ktx2Format::Rgba16Float => 97,
+            Ktx2Format::Rgba32Float => 109,
+            Ktx2Format::Bc5 => 141,
+            Ktx2Format::Bc7 => 145,
         }
     }
 
-    /// Returns the bytes of a channel of a texel.
-    fn channel_bytes(self) -> usize {
+    /// Returns the number of the format's colour model in the data format descriptor.
+    fn model(self) -> u32 {
+        match self {
+            Ktx2Format::R8Uint | Ktx2Format::Rgba16Float | Ktx2Format::Rgba32Float => 1,
+            Ktx2Format::Bc5 => 132,
+            Ktx2Format::Bc7 => 134,
+        }
+    }
+
+    /// Returns the texels of a block's side.
+    pub fn block_side(self) -> usize {
+        match self {
+            Ktx2Format::R8Uint | Ktx2Format::Rgba16Float | Ktx2Format::Rgba32Float => 1,
+            Ktx2Format::Bc5 | Ktx2Format::Bc7 => 4,
+        }
+    }
+
+    /// Returns the bytes of a block, which is a texel where the format does not compress.
+    pub fn block_bytes(self) -> usize {
         match self {
             Ktx2Format::R8Uint => 1,
-            Ktx2Format::Rgba16Float => 2,
+            Ktx2Format::Rgba16Float => 8,
+            Ktx2Format::Rgba32Float | Ktx2Format::Bc5 | Ktx2Format::Bc7 => 16,
         }
     }
 
-    /// Returns the numbers of the channels in the data format descriptor.
-    fn channels(self) -> &'static [u32] {
+    /// Returns the bytes of a number, for machines that store its bytes in another order; 1 for blocks.
+    fn type_bytes(self) -> u32 {
         match self {
-            Ktx2Format::R8Uint => &[0],
-            Ktx2Format::Rgba16Float => &[0, 1, 2, 15],
+            Ktx2Format::R8Uint | Ktx2Format::Bc5 | Ktx2Format::Bc7 => 1,
+            Ktx2Format::Rgba16Float => 2,
+            Ktx2Format::Rgba32Float => 4,
         }
     }
 
-    /// Returns the bytes of a texel.
-    pub fn texel_bytes(self) -> usize {
-        self.channel_bytes() * self.channels().len()
+    /// Returns the channels of the data format descriptor.
+    fn channels(self) -> Vec<Channel> {
+        let floats = |bits: u32| {
+            // Alpha has number 15; signed floating-point numbers have these qualifiers.
+            let channel = |(number, i): (u32, u32)| Channel {
+                number: number | (SIGNED_FLOAT << 4),
+                bits: [i * bits, bits],
+                range: [(-1f32).to_bits(), 1f32.to_bits()],
+            };
+            [0, 1, 2, 15].into_iter().zip(0..).map(channel).collect()
+        };
+        let block = |number: u32, bits: [u32; 2]| Channel { number, bits, range: [0, u32::MAX] };
+        match self {
+            Ktx2Format::R8Uint => vec![Channel { number: 0, bits: [0, 8], range: [0, 1] }],
+            Ktx2Format::Rgba16Float => floats(16),
+            Ktx2Format::Rgba32Float => floats(32),
+            Ktx2Format::Bc5 => vec![block(0, [0, 64]), block(1, [64, 64])],
+            Ktx2Format::Bc7 => vec![block(0, [0, 128])],
+        }
     }
 }
 
-/// A two-dimensional array with its mip levels.
+/// A two-dimensional texture or array of them, with its mip levels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ktx2Array {
     /// Format of the texels.
@@ -50,9 +103,10 @@ pub struct Ktx2Array {
     pub width: usize,
     /// Rows of the finest level.
     pub height: usize,
-    /// Number of layers.
+    /// Number of layers of an array; 0 for a single texture.
     pub layers: usize,
-    /// Texels `[layer, row, column]` of each level, the finest first; sides halve from level to level.
+    /// Blocks `[layer, row, column]` of each level, the finest first; sides halve from level to level. Blocks that stand
+    /// over the edge count in whole.
     pub levels: Vec<Vec<u8>>,
     /// Key and value, UTF-8; `KTXwriter` is added.
     pub notes: Vec<(String, String)>,
@@ -64,22 +118,26 @@ const IDENTIFIER: [u8; 12] = [0xAB, b'K', b'T', b'X', b' ', b'2', b'0', 0xBB, b'
 const HEAD_BYTES: usize = 80;
 /// Bytes of a level's entry in the index.
 const LEVEL_BYTES: usize = 24;
-/// Words of the data format descriptor: red, green and blue without primaries, linear.
-const RGB_MODEL: u32 = 1;
+/// Number of the linear transfer function in the data format descriptor.
 const LINEAR_TRANSFER: u32 = 1;
 /// Qualifiers of a sample: a signed floating-point number.
 const SIGNED_FLOAT: u32 = 0xC;
 
 impl Ktx2Array {
+    /// Returns the bytes that the texture takes in memory.
+    pub fn memory_bytes(&self) -> usize {
+        self.levels.iter().map(Vec::len).sum()
+    }
+
     /// Returns the bytes of the file. Equal arrays give equal bytes.
     ///
     /// # Panics
     /// If a level has not the bytes that its size asks for.
     pub fn file(&self) -> Vec<u8> {
-        let side = |side: usize, level: usize| (side >> level).max(1);
+        let side = |side: usize, level: usize| (side >> level).max(1).div_ceil(self.format.block_side());
         for (level, bytes) in self.levels.iter().enumerate() {
-            let texels = side(self.width, level) * side(self.height, level) * self.layers;
-            assert_eq!(bytes.len(), texels * self.format.texel_bytes(), "level {level}");
+            let blocks = side(self.width, level) * side(self.height, level) * self.layers.max(1);
+            assert_eq!(bytes.len(), blocks * self.format.block_bytes(), "level {level}");
         }
         let descriptor = self.descriptor();
         let notes = self.key_values();
@@ -87,7 +145,7 @@ impl Ktx2Array {
         let notes_at = descriptor_at + descriptor.len();
         let mut end = notes_at + notes.len();
         // The smallest level comes first.
-        let alignment = self.format.texel_bytes().next_multiple_of(4);
+        let alignment = self.format.block_bytes().next_multiple_of(4);
         let mut places = vec![0; self.levels.len()];
         for (place, bytes) in places.iter_mut().zip(&self.levels).rev() {
             *place = end.next_multiple_of(alignment);
@@ -97,8 +155,7 @@ impl Ktx2Array {
         let mut out = IDENTIFIER.to_vec();
         let [width, height, layers, levels] =
             [self.width, self.height, self.layers, self.levels.len()].map(|x| x as u32);
-        let (format, type_size, depth, faces, scheme) =
-            (self.format.vulkan(), self.format.channel_bytes() as u32, 0, 1, 0);
+        let (format, type_size, depth, faces, scheme) = (self.format.vulkan(), self.format.type_bytes(), 0, 1, 0);
         push_words(&mut out, &[format, type_size, width, height, depth, layers, faces, levels, scheme]);
         push_words(&mut out, &[descriptor_at, descriptor.len(), notes_at, notes.len()].map(|x| x as u32));
         // Place and length of global data of a supercompression scheme.
@@ -117,18 +174,15 @@ impl Ktx2Array {
 
     /// Returns the data format descriptor: its length and one basic block.
     fn descriptor(&self) -> Vec<u8> {
-        let (bits, channels) = (8 * self.format.channel_bytes() as u32, self.format.channels());
+        let channels = self.format.channels();
         let block_bytes = 24 + 16 * channels.len() as u32;
-        // Version 2 of the descriptor; blocks of one texel, whose bytes lie in one plane.
-        let mut words = vec![4 + block_bytes, 0, 2 | (block_bytes << 16), RGB_MODEL | (LINEAR_TRANSFER << 16), 0];
-        words.extend([self.format.texel_bytes() as u32, 0]);
-        let (qualifiers, lower, upper) = match self.format {
-            Ktx2Format::R8Uint => (0, 0, 1),
-            Ktx2Format::Rgba16Float => (SIGNED_FLOAT, (-1f32).to_bits(), 1f32.to_bits()),
-        };
-        for (i, channel) in channels.iter().enumerate() {
-            let sample = (i as u32 * bits) | ((bits - 1) << 16) | ((channel | (qualifiers << 4)) << 24);
-            words.extend([sample, 0, lower, upper]);
+        let side = self.format.block_side() as u32 - 1;
+        // Version 2 of the descriptor; colours without primaries, whose bytes lie in one plane.
+        let mut words = vec![4 + block_bytes, 0, 2 | (block_bytes << 16)];
+        words.extend([self.format.model() | (LINEAR_TRANSFER << 16), side | (side << 8)]);
+        words.extend([self.format.block_bytes() as u32, 0]);
+        for Channel { number, bits: [first, count], range: [lower, upper] } in channels {
+            words.extend([first | ((count - 1) << 16) | (number << 24), 0, lower, upper]);
         }
         let mut out = Vec::new();
         push_words(&mut out, &words);
