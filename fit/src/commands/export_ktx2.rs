@@ -37,7 +37,8 @@ pub(super) struct ExportKtx2Args {
     /// Write block-compressed textures that samplers filter
     #[arg(long)]
     bc: bool,
-    /// Most memory that the textures may take on the GPU, such as 12MB; 183 bytes a texel and layer if not given
+    /// Most memory that the textures may take on the GPU, such as 12MB; 183 bytes a texel and layer if not given, or
+    /// what 128 components take
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, requires = "bc")]
     bytes: Option<u64>,
     /// Fit the finest texels to this capture, which the asset was fitted to, in place of the asset: less is lost. One

@@ -111,7 +111,12 @@ fn pipeline(device: &wgpu::Device, material: &btf_textures::Uploaded) -> wgpu::R
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("draw"),
         layout: Some(&layout),
-        vertex: wgpu::VertexState { module: &vertex, entry_point: None, compilation_options: Default::default(), buffers: &[] },
+        vertex: wgpu::VertexState {
+            module: &vertex,
+            entry_point: None,
+            compilation_options: Default::default(),
+            buffers: &[],
+        },
         primitive: wgpu::PrimitiveState::default(),
         depth_stencil: None,
         multisample: wgpu::MultisampleState::default(),

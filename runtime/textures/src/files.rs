@@ -90,7 +90,8 @@ fn read_index(path: &Path) -> Result<Value, TextureError> {
     let fault = |what: String| TextureError::Content { path: path.to_path_buf(), what };
     let reader = ktx2::Reader::new(&bytes[..]).map_err(|error| fault(format!("it is no KTX2 file: {error}")))?;
     let found = reader.key_value_data().find(|(key, _)| *key == KEY);
-    let (_, value) = found.ok_or_else(|| fault("it does not name the other files; give the one without .planes or .bases".into()))?;
+    let (_, value) = found
+        .ok_or_else(|| fault("it does not name the other files; give the one without .planes or .bases".into()))?;
     let text = value.strip_suffix(&[0]).unwrap_or(value);
     serde_json::from_slice(text).map_err(|error| fault(format!("its key {KEY} holds no JSON: {error}")))
 }

@@ -44,14 +44,18 @@ pub fn upload(textures: &Textures, device: &wgpu::Device, queue: &wgpu::Queue, s
         .collect();
     let last = textures.all.len() as u32;
     entries.push(entry(last, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
-    let layout =
-        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("material"), entries: &entries });
+    let layout = device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("material"), entries: &entries });
     let mut bound: Vec<_> = (0..)
         .zip(&views)
         .map(|(binding, view)| wgpu::BindGroupEntry { binding, resource: BindingResource::TextureView(view) })
         .collect();
     bound.push(wgpu::BindGroupEntry { binding: last, resource: BindingResource::Sampler(&sampler) });
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("material"), layout: &layout, entries: &bound });
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("material"),
+        layout: &layout,
+        entries: &bound,
+    });
     Uploaded { layout, group }
 }
 

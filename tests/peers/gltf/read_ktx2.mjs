@@ -9,12 +9,14 @@ const { read, write } = await import(pathToFileURL(join(resolve(packages), "node
 const bytes = new Uint8Array(await readFile(file));
 const found = read(bytes);
 // Its reader cuts levels short that reach beyond the file.
-const level = (width) => Math.max(1, width);
-const texelBytes = found.dataFormatDescriptor[0].bytesPlane[0];
+const descriptor = found.dataFormatDescriptor[0];
+const [blockWidth, blockHeight] = descriptor.texelBlockDimension.map((last) => last + 1);
+const blocks = (texels, i, side) => Math.ceil(Math.max(1, texels >> i) / side);
 for (const [i, { levelData, uncompressedByteLength }] of found.levels.entries()) {
-    const texels = level(found.pixelWidth >> i) * level(found.pixelHeight >> i) * found.layerCount;
-    if (levelData.byteLength !== texels * texelBytes || uncompressedByteLength !== texels * texelBytes) {
-        throw new Error(`level ${i} has ${levelData.byteLength} bytes for ${texels} texels`);
+    const count = blocks(found.pixelWidth, i, blockWidth) * blocks(found.pixelHeight, i, blockHeight);
+    const wanted = count * Math.max(1, found.layerCount) * descriptor.bytesPlane[0];
+    if (levelData.byteLength !== wanted || uncompressedByteLength !== wanted) {
+        throw new Error(`level ${i} has ${levelData.byteLength} bytes, ${wanted} are needed`);
     }
 }
 const again = write(found, { keepWriter: true });

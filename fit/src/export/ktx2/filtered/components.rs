@@ -8,7 +8,7 @@
 
 use crate::error::FitError;
 use crate::export::ktx2::filtered::bases::{Bases, Column};
-use crate::export::ktx2::filtered::layout::Layout;
+use crate::export::ktx2::filtered::layout::{Layout, MIN_COMPONENTS};
 use crate::export::ktx2::filtered::light_map::LightMap;
 use crate::export::ktx2::filtered::measured_rows::{MeasuredRows, mean_row};
 use crate::export::ktx2::filtered::planes::{Plane, encode_plane, scale_of};
@@ -67,14 +67,14 @@ pub fn fit_components<'a>(
     count: usize,
     monitor: &Monitor,
 ) -> Result<FilteredLayer<'a>, FitError> {
-    let order = source.finest.order();
-    let sampled = spread_blocks(order.len());
+    let sampled = spread_blocks(source.finest.order().len());
     let mean = mean_row(source.finest, &sampled)?;
     let mut bases = Bases::new(map, source.shape, layout.tiles, &mean);
     monitor.report("components", 0, 3)?;
-    let directions = directions(source, &order, &bases.mean, count)?;
+    let all = AllLevels::new(source);
+    let directions = directions(&all, &bases.mean, count)?;
     monitor.report("components", 1, 3)?;
-    let variances = variances(source, &order, &sampled, &bases.mean, &directions)?;
+    let variances = variances(&all, &bases.mean, &directions)?;
     bases.extend(directions.view(), &variances, count);
     let rows_of = bases.solver();
     let project = |rows: &dyn MeasuredRows| project(rows, &bases.mean, &rows_of, monitor);
@@ -93,27 +93,71 @@ fn spread_blocks(texels: usize) -> Vec<Range<usize>> {
     (0..taken).map(|i| i * blocks / taken * ROW_BLOCK).map(|first| first..(first + ROW_BLOCK).min(texels)).collect()
 }
 
+/// Rows of all levels, one after the other. Each level counts half as much as the finer one: a level's means are no means
+/// of the finer level's values in a curve, so that the bases of the finest texels alone would not hold them.
+struct AllLevels<'a> {
+    levels: Vec<Level<'a>>,
+}
+
+struct Level<'a> {
+    rows: &'a dyn MeasuredRows,
+    /// The texels that count.
+    order: Vec<u32>,
+    /// Factor of the rows.
+    weight: f32,
+}
+
+/// Returns the weight of a coarser level's texels over that of the finest ones, of which four times as many are there from
+/// level to level.
+fn weight_of(level: usize) -> f32 {
+    2f32.powi(level as i32).sqrt()
+}
+
+impl<'a> AllLevels<'a> {
+    fn new(source: &Source<'a>) -> AllLevels<'a> {
+        let all = std::iter::once(&source.finest).chain(&source.coarser);
+        let levels = all.enumerate().map(|(number, rows)| {
+            let order = rows.order();
+            let every = order.len().div_ceil(MOST_ROWS);
+            let order = order.into_iter().step_by(every).collect();
+            Level { rows: *rows, order, weight: weight_of(number) * (every as f32).sqrt() }
+        });
+        AllLevels { levels: levels.collect() }
+    }
+
+    fn count(&self) -> usize {
+        self.levels.iter().map(|level| level.order.len()).sum()
+    }
+
+    /// Returns the rows of a range of all levels' texels, less `mean`, times their levels' weights.
+    fn rows(&self, range: Range<usize>, mean: &Array1<f32>) -> Result<Array2<f32>, FitError> {
+        let mut parts = Vec::new();
+        let mut first = 0;
+        for Level { rows, order, weight } in &self.levels {
+            let [start, end] = [range.start, range.end].map(|at| at.clamp(first, first + order.len()) - first);
+            if start < end {
+                parts.push((rows.rows(&order[start..end])? - mean) * *weight);
+            }
+            first += order.len();
+        }
+        let views: Vec<_> = parts.iter().map(|part| part.view()).collect();
+        Ok(ndarray::concatenate(Axis(0), &views).unwrap_or_else(|_| Array2::zeros((0, mean.len()))))
+    }
+}
+
 /// Returns the principal directions of the values less `mean`.
-fn directions(source: &Source, order: &[u32], mean: &Array1<f32>, count: usize) -> Result<Array2<f32>, FitError> {
-    let every = order.len().div_ceil(MOST_ROWS);
-    let chosen: Vec<u32> = order.iter().step_by(every).copied().collect();
-    let make = |range: Range<usize>| Ok(source.finest.rows(&chosen[range])? - mean);
-    let rows = Rows { count: chosen.len(), samples: mean.len(), make: &make };
+fn directions(all: &AllLevels, mean: &Array1<f32>, count: usize) -> Result<Array2<f32>, FitError> {
+    let make = |range: Range<usize>| all.rows(range, mean);
+    let rows = Rows { count: all.count(), samples: mean.len(), make: &make };
     principal_directions(&rows, count, &mut Xoshiro256PlusPlus::seed_from_u64(0))
 }
 
-/// Returns the mean square of each direction's coefficients over the sampled texels.
-fn variances(
-    source: &Source,
-    order: &[u32],
-    sampled: &[Range<usize>],
-    mean: &Array1<f32>,
-    directions: &Array2<f32>,
-) -> Result<Vec<f64>, FitError> {
-    let squares: Vec<(Array1<f64>, usize)> = sampled
-        .par_iter()
+/// Returns the mean square of each direction's coefficients over a sample of the rows.
+fn variances(all: &AllLevels, mean: &Array1<f32>, directions: &Array2<f32>) -> Result<Vec<f64>, FitError> {
+    let squares: Vec<(Array1<f64>, usize)> = spread_blocks(all.count())
+        .into_par_iter()
         .map(|block| {
-            let found = (source.finest.rows(&order[block.clone()])? - mean).dot(directions);
+            let found = all.rows(block, mean)?.dot(directions);
             Ok((found.mapv(|x| f64::from(x).powi(2)).sum_axis(Axis(0)), found.nrows()))
         })
         .collect::<Result<_, FitError>>()?;
@@ -153,7 +197,7 @@ struct Candidate {
     /// Whether it is what the first plane of the basis left.
     is_repeat: bool,
     plane: Plane,
-    /// Sum of its squares over the finest texels and the measured pairs.
+    /// Sum of its squares over the measured pairs and all levels' texels, with their weights.
     energy: f64,
 }
 
@@ -166,35 +210,44 @@ fn components(
     count: usize,
 ) -> Vec<Component> {
     let size = layout.levels[0];
-    let energy = |values: &[f32], basis: usize| -> f64 {
-        values.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() * columns[basis].square
-    };
+    let squares = |values: &mut dyn Iterator<Item = &f32>| values.map(|x| f64::from(*x).powi(2)).sum::<f64>();
     let mut candidates: Vec<Candidate> = (0..columns.len())
         .into_par_iter()
         .flat_map_iter(|basis| {
             let values = finest.row(basis).to_vec();
             let levels = coarser.iter().map(|level| level.row(basis));
             let largest = levels.flatten().chain(&values).fold(0.0f32, |most, x| most.max(x.abs()));
+            let energy = squares(&mut values.iter())
+                + (1..)
+                    .zip(coarser)
+                    .map(|(level, coarse)| f64::from(weight_of(level)).powi(2) * squares(&mut coarse.row(basis).iter()))
+                    .sum::<f64>();
             let plane = encode_plane(&values, size, scale_of(largest));
             let left = less(&values, &plane);
             let largest = left.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+            let energy_left = squares(&mut left.iter());
             let repeat = encode_plane(&left, size, scale_of(largest));
             [
-                Candidate { basis, is_repeat: false, plane, energy: energy(&values, basis) },
-                Candidate { basis, is_repeat: true, plane: repeat, energy: energy(&left, basis) },
+                Candidate { basis, is_repeat: false, plane, energy: energy * columns[basis].square },
+                Candidate { basis, is_repeat: true, plane: repeat, energy: energy_left * columns[basis].square },
             ]
         })
         .collect();
-    // What a plane left is always less than the plane.
+    // What a plane left is always less than the plane; of coarser levels it is not asked for.
     candidates.sort_by(|a, b| b.energy.total_cmp(&a.energy));
     candidates.truncate(count);
+    // A material of one colour has a basis or two; textures have a few.
+    while candidates.len() < MIN_COMPONENTS {
+        let plane = encode_plane(&vec![0.0; finest.ncols()], size, scale_of(0.0));
+        candidates.push(Candidate { basis: 0, is_repeat: true, plane, energy: 0.0 });
+    }
     let scales: Vec<f32> = (0..columns.len())
         .map(|basis| {
             let first = candidates.iter().find(|candidate| candidate.basis == basis && !candidate.is_repeat);
             first.map_or(1.0, |candidate| candidate.plane.scale)
         })
         .collect();
-    let coarse = Layout::coarse(count);
+    let coarse = Layout::coarse(candidates.len());
     let levels_of = |number: usize, Candidate { basis, is_repeat, plane, .. }: Candidate| {
         let levels = coarser.iter().zip(&layout.levels[1..]).filter(|_| number < coarse);
         let coarser = levels

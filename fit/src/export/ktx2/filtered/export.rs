@@ -4,7 +4,7 @@ use crate::error::FitError;
 use crate::export::ktx2::file::{Ktx2Array, Ktx2Format};
 use crate::export::ktx2::filtered::components::{Component, FilteredLayer, Source, fit_components};
 use crate::export::ktx2::filtered::error::{LayerError, errors};
-use crate::export::ktx2::filtered::layout::Layout;
+use crate::export::ktx2::filtered::layout::{Layout, MIN_COMPONENTS};
 use crate::export::ktx2::filtered::light_map::LightMap;
 use crate::export::ktx2::filtered::measured_rows::{AssetRows, CaptureRows, MeasuredRows};
 use crate::export::ktx2::filtered::planes::Plane;
@@ -22,15 +22,18 @@ use serde_json::json;
 
 /// Version of the files' layout.
 const LAYOUT: u32 = 2;
-/// Bytes in memory for each texel, where none are asked for: 12 MB for 256 x 256.
+/// Bytes in memory for each texel, where none are asked for (12 MB for 256 x 256), and components that there are at least:
+/// bases take the same for few texels as for many.
 const BYTES_A_TEXEL: usize = 183;
+const COMPONENTS: usize = 128;
 /// Texels a row of the tables.
 const TABLE_WIDTH: usize = 64;
 
 /// Parameters of [`export_filtered`].
 #[derive(Debug, Clone)]
 pub struct FilteredParams {
-    /// Bytes that all textures may take in memory, mip levels included; 183 a texel if `None`.
+    /// Bytes that all textures may take in memory, mip levels included; 183 a texel and layer, or what 128 components
+    /// take, if `None`.
     pub bytes: Option<u64>,
     /// Most memory for the captures' images.
     pub memory_bytes: u64,
@@ -81,17 +84,19 @@ pub fn export_filtered(
     let resident = resident_in_parallel(&asset);
     let caches = captures_of_layers(&asset, captures, params, monitor)?;
     let texels = asset.width * asset.height;
-    let bytes = params.bytes.map_or(BYTES_A_TEXEL * texels * asset.layers.len(), |bytes| bytes as usize);
     let (mut files, mut figures, mut told, mut memory_bytes) = (Vec::new(), Vec::new(), Vec::new(), 0);
     for (number, layer) in asset.layers.iter().enumerate() {
         let map = LightMap::new(&layer.lights);
         let layout = layout(&asset, layer, &map);
-        let count = layout.components_within(bytes / asset.layers.len());
+        let bytes = match params.bytes {
+            Some(bytes) => bytes as usize / asset.layers.len(),
+            None => layout.bytes(COMPONENTS).max(BYTES_A_TEXEL * texels),
+        };
+        let count = layout.components_within(bytes);
         if count == 0 {
             return Err(FitError::Params(format!(
-                "{bytes} bytes are too few for the asset's {} layers; allow at least {} with --bytes",
-                asset.layers.len(),
-                layout.bytes(2) * asset.layers.len()
+                "{bytes} bytes are too few for the textures of a layer; allow at least {} with --bytes",
+                layout.bytes(MIN_COMPONENTS) * asset.layers.len()
             )));
         }
         let of_asset: Vec<AssetRows> =
@@ -208,7 +213,8 @@ fn textures(fitted: &FilteredLayer, layout: &Layout, map: &LightMap, layer: &Lay
     let (size, atlas) = (layout.levels[0], layout.atlas());
     let tables = tables(fitted, layout, map, layer);
     let rows = tables.len() / TABLE_WIDTH;
-    let mut out = vec![
+    let fine = finest(coarse..components.len());
+    vec![
         (
             "tables",
             array(Ktx2Format::Rgba32Float, [TABLE_WIDTH, rows], 0, vec![bytemuck::cast_slice(&tables).to_vec()]),
@@ -219,12 +225,8 @@ fn textures(fitted: &FilteredLayer, layout: &Layout, map: &LightMap, layer: &Lay
             "mean",
             array(Ktx2Format::Rgba16Float, atlas, 0, vec![bytemuck::cast_slice(&fitted.bases.mean_texels).to_vec()]),
         ),
-    ];
-    if components.len() > coarse {
-        let fine = finest(coarse..components.len());
-        out.push(("fine", array(Ktx2Format::Bc5, size, (components.len() - coarse) / 2, vec![fine])));
-    }
-    out
+        ("fine", array(Ktx2Format::Bc5, size, (components.len() - coarse) / 2, vec![fine])),
+    ]
 }
 
 /// Returns the blocks of two planes as BC5: those of the first are red, those of the second green.

@@ -4,6 +4,8 @@ use crate::export::ktx2::filtered::bc4;
 
 /// Bytes of a block of 4 x 4 texels in BC5 and in BC7.
 pub const BLOCK_BYTES: usize = 2 * bc4::BLOCK_BYTES;
+/// Components at least: two with mip levels and two without.
+pub const MIN_COMPONENTS: usize = 4;
 /// Components at most: as many array layers as WebGPU has by default.
 pub const MAX_COMPONENTS: usize = 256;
 /// One component in so many has mip levels.
@@ -48,7 +50,7 @@ impl Layout {
         (planes + bases) * BLOCK_BYTES + width * height * MEAN_BYTES + tables * TABLE_BYTES
     }
 
-    /// Returns the largest even number of components whose textures take at most `bytes`; 0 if not even two do.
+    /// Returns the largest even number of components whose textures take at most `bytes`; 0 if not even [`MIN_COMPONENTS`] do.
     pub fn components_within(&self, bytes: usize) -> usize {
         (1..=MAX_COMPONENTS / 2)
             .map(|pairs| 2 * pairs)
