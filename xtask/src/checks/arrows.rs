@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Our packages and those of ours that each may use. What is not here is forbidden, in tests too.
-const ALLOWED: [(&str, &[&str]); 14] = [
+const ALLOWED: [(&str, &[&str]); 15] = [
     ("btf-capture", &[]),
     ("btf-leaf-quantities", &[]),
     ("btf-models", &["btf-capture", "btf-leaf-quantities"]),
@@ -13,12 +13,25 @@ const ALLOWED: [(&str, &[&str]); 14] = [
     ("btf-runtime", &["btf-leaf-quantities"]),
     ("btf-runtime-c", &["btf-runtime"]),
     ("btf-shaders", &["btf-runtime"]),
+    ("btf-textures", &[]),
     ("btf-voxelize", &["btf-capture", "btf-models", "btf-runtime"]),
     ("btf-fit", &["btf-capture", "btf-models", "btf-runtime", "btf-voxelize"]),
     ("btf-python", &["btf-capture", "btf-fit", "btf-runtime"]),
     ("btf-viewer", &["btf-capture", "btf-models", "btf-runtime"]),
     ("btf-viewer-web", &["btf-capture", "btf-models", "btf-runtime", "btf-viewer"]),
-    ("btf-tests", &["btf-capture", "btf-fit", "btf-models", "btf-runtime", "btf-synth", "btf-viewer", "btf-voxelize"]),
+    (
+        "btf-tests",
+        &[
+            "btf-capture",
+            "btf-fit",
+            "btf-models",
+            "btf-runtime",
+            "btf-synth",
+            "btf-textures",
+            "btf-viewer",
+            "btf-voxelize",
+        ],
+    ),
     ("xtask", &[]),
 ];
 

@@ -16,6 +16,7 @@ const PACKAGES: [&str; 10] = [
     "fit/voxelize",
     "runtime",
     "runtime/shaders",
+    "runtime/textures",
     "viewer",
     "xtask",
 ];

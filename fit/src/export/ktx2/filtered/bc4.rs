@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn six_levels_with_the_ends_of_the_range_decode() {
-        let bytes = [10, 60, 0b11_000_001, 0b1, 0b111_000_00, 0, 0, 0];
+        let bytes = [10, 60, 0b1100_0001, 0b1, 0b1110_0000, 0, 0, 0];
         assert!(decode_block(&bytes).iter().zip(by_crate(&bytes)).all(|(a, b)| (a - b).abs() <= 1.0));
     }
 }
