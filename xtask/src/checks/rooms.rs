@@ -7,7 +7,7 @@ use syn::spanned::Spanned;
 use syn::visit::Visit;
 
 /// The packages whose `src` is checked, as folders of the repository.
-const PACKAGES: [&str; 10] = [
+const PACKAGES: [&str; 11] = [
     "capture",
     "models",
     "models/leaf-quantities",
