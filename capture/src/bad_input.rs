@@ -246,8 +246,35 @@ fn missing_pairs_are_counted_and_the_first_is_named() {
     let text = message(&open_error(&dir));
     assert_says(
         &text,
-        &["lacks 2 of its 9 images", "tv037.5_pv120/00004 tl037.5 pl120 tv037.5 pv120.png", "3 views x 3 lights"],
+        &["lacks 2 of its 9 images", "tv037.5_pv120/00004 tl037.5 pl120 tv037.5 pv120.png", "incomplete = true"],
     );
+}
+
+#[test]
+fn an_incomplete_capture_opens_where_it_says_so_and_its_missing_pairs_are_known() {
+    let (_parent, dir) = capture(ImageFormat::Png);
+    fs::remove_file(dir.join("tv000_pv000/00000 tl000 pl000 tv000 pv000.png")).unwrap();
+    fs::remove_file(dir.join("tv037.5_pv120/00004 tl037.5 pl120 tv037.5 pv120.png")).unwrap();
+    let manifest = dir.join("capture.toml");
+    let text = fs::read_to_string(&manifest).unwrap();
+    fs::write(&manifest, format!("{text}\nincomplete = false\n")).unwrap();
+    assert!(matches!(open_error(&dir), CaptureError::MissingPair { missing: 2, .. }));
+    fs::write(&manifest, format!("{text}\nincomplete = true\n")).unwrap();
+    let opened = Capture::open(&dir).unwrap();
+    let info = opened.info();
+    assert_eq!((info.pair_count(), info.missing.clone(), info.width), (9, vec![0, 4], WIDTH));
+    assert_eq!(info.present_pairs().collect::<Vec<_>>(), [1, 2, 3, 5, 6, 7, 8]);
+    let stand_ins = info.stand_ins();
+    assert!(info.present_pairs().all(|pair| stand_ins[pair] == pair));
+    assert!(info.missing.iter().all(|pair| info.has_image(stand_ins[*pair])), "{stand_ins:?}");
+    for (view, light) in [(0, 0), (1, 1)] {
+        let error = opened.read(view, light).unwrap_err();
+        assert!(matches!(error, CaptureError::NoImage { .. }));
+        assert_says(&message(&error), &["has no image", "view", "light"]);
+    }
+    assert!(opened.read(0, 1).is_ok() && opened.path_of(1, 1).contains("view"));
+    fs::write(&manifest, format!("{text}\nincomplete = 3\n")).unwrap();
+    assert!(matches!(open_error(&dir), CaptureError::MissingPair { .. } | CaptureError::BadManifest { .. }));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::error::CaptureError;
 use crate::images::decoded::{DecodedImage, ImageFault, Samples};
 use crate::images::file_format::{self, FileFormat};
 use crate::info::{CaptureInfo, ImageFormat};
-use crate::layout::grid::grid_of;
+use crate::layout::grid::{Grid, grid_of};
 use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES};
 use crate::layout::source::{MAX_FILE_BYTES, Source};
 use crate::layout::{bonn, list};
@@ -39,8 +39,8 @@ pub(crate) enum Images {
     Files {
         source: Source,
         format: FileFormat,
-        /// Index of the file of each pair, `view * lights + light`.
-        files: Vec<usize>,
+        /// Index of the file of each pair, `view * lights + light`; `None` for a pair without an image.
+        files: Vec<Option<usize>>,
     },
     /// One UBO2014 file that all images are computed from.
     Container(Box<Container>),
@@ -65,7 +65,8 @@ impl Capture {
     ///   or with a list of its images (a `.csv` file); the list itself can be given as well;
     /// - a UBO2014 file (`.btf`).
     ///
-    /// Checks that the angles form a full grid of views x lights, reads `capture.toml` where there is one (`NAME.toml`
+    /// Checks that the angles form a full grid of views x lights, but for a capture that says `incomplete = true`, reads
+    /// `capture.toml` where there is one (`NAME.toml`
     /// beside `NAME.btf`), checks that angles and side agree (see [`crate::Side`]), and decodes the first image, which
     /// gives the size of a capture of files. Other files are ignored.
     ///
@@ -126,7 +127,8 @@ impl Capture {
                 return Err(CaptureError::TooLarge { path, claim: format!("has {size} bytes") });
             }
             let bytes = std::fs::read(&beside).map_err(|source| CaptureError::read(&beside, source))?;
-            apply_manifest(bytes, &beside.display().to_string(), &mut info)?;
+            let shown = beside.display().to_string();
+            manifest::apply(&text_of_manifest(bytes, &shown)?, &shown, &mut info)?;
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: path.display().to_string(), reason })?;
         let capture = Capture { images: Arc::new(Images::Container(Box::new(container))), info };
@@ -139,26 +141,35 @@ impl Capture {
         if source.names().is_empty() {
             return Err(CaptureError::Empty { path: root });
         }
+        let manifest = match find_manifest(&source) {
+            Some(file) => Some((text_of_manifest(source.read(file, MAX_MANIFEST_BYTES)?, &source.shown(file))?, file)),
+            None => None,
+        };
+        let incomplete = manifest.as_ref().is_some_and(|(text, _)| manifest::is_incomplete(text));
         let grid = match list::find_images(&source, list)? {
-            Some(images) => grid_of(&source, &images, &list::missing_name)?,
+            Some(images) => grid_of(&source, &images, incomplete, &list::missing_name)?,
             None => {
                 let images = bonn::find_images(&source);
                 if images.is_empty() {
                     return Err(CaptureError::NoImages { path: root, files: source.names().len() });
                 }
-                grid_of(&source, &images, &|grid, view, light| bonn::missing_name(&source, &images, grid, view, light))?
+                let name = |grid: &Grid, view, light| bonn::missing_name(&source, &images, grid, view, light);
+                grid_of(&source, &images, incomplete, &name)?
             }
         };
         let mut info = CaptureInfo::new(name, 0, 0, grid.views, grid.lights, grid.format.written_as());
-        if let Some(file) = find_manifest(&source) {
-            apply_manifest(source.read(file, MAX_MANIFEST_BYTES)?, &source.shown(file), &mut info)?;
+        if let Some((text, file)) = manifest {
+            manifest::apply(&text, &source.shown(file), &mut info)?;
         }
+        info.missing = (0..grid.files.len()).filter(|pair| grid.files[*pair].is_none()).collect();
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: root, reason })?;
         let images = Arc::new(Images::Files { source, format: grid.format, files: grid.files });
         let mut capture = Capture { images, info };
-        let first = capture.decode(0, 0, None)?;
+        let pair = capture.info.present_pairs().next().unwrap_or(0);
+        let (view, light) = (pair / capture.info.lights.len(), pair % capture.info.lights.len());
+        let first = capture.decode(view, light, None)?;
         (capture.info.width, capture.info.height) = (first.width, first.height);
-        capture.pixels(0, 0, first)?;
+        capture.pixels(view, light, first)?;
         Ok(capture)
     }
 
@@ -182,16 +193,21 @@ impl Capture {
     pub fn path_of(&self, view: usize, light: usize) -> String {
         let pair = self.pair(view, light);
         match &*self.images {
-            Images::Files { source, files, .. } => source.shown(files[pair]),
+            Images::Files { source, files, .. } => match files[pair] {
+                Some(file) => source.shown(file),
+                None => format!("{}: {}", source.root().display(), self.pair_words(pair)),
+            },
             Images::Container(container) => {
-                let (view, light) = (self.info.views.directions()[view], self.info.lights.directions()[light]);
-                format!("{}: view {view}, light {light}", container.path().display())
+                format!("{}: {}", container.path().display(), self.pair_words(pair))
             }
-            Images::Memory(_) => {
-                let (view, light) = (self.info.views.directions()[view], self.info.lights.directions()[light]);
-                format!("{}: view {view}, light {light}", self.info.name)
-            }
+            Images::Memory(_) => format!("{}: {}", self.info.name, self.pair_words(pair)),
         }
+    }
+
+    fn pair_words(&self, pair: usize) -> String {
+        let lights = self.info.lights.len();
+        let (view, light) = (self.info.views.directions()[pair / lights], self.info.lights.directions()[pair % lights]);
+        format!("view {view}, light {light}")
     }
 
     /// Reads and decodes one image. May be called from many threads; image files are read without a lock. UBO2014 files
@@ -200,6 +216,7 @@ impl Capture {
     ///
     /// # Errors
     /// [`CaptureError::BadImage`] for an image that is empty, cut, damaged or of another kind,
+    /// [`CaptureError::NoImage`] for a pair of [`CaptureInfo::missing`],
     /// [`CaptureError::WrongSize`], [`CaptureError::TooLarge`], [`CaptureError::Read`], and [`CaptureError::BadValue`]
     /// for NaN, infinity or a value below [`MIN_LINEAR`]. RGB that is computed, from spectra and UBO2014 files, is
     /// clamped to [`MIN_LINEAR`] instead.
@@ -219,7 +236,10 @@ impl Capture {
     fn decode(&self, view: usize, light: usize, size: Option<(usize, usize)>) -> Result<DecodedImage, CaptureError> {
         let pair = self.pair(view, light);
         let (source, format, file) = match &*self.images {
-            Images::Files { source, format, files } => (source, *format, files[pair]),
+            Images::Files { source, format, files } => match files[pair] {
+                Some(file) => (source, *format, file),
+                None => return Err(CaptureError::NoImage { path: self.path_of(view, light) }),
+            },
             Images::Container(container) => return Ok(container.image(view, light)),
             Images::Memory(images) => {
                 let (width, height) = (self.info.width, self.info.height);
@@ -287,14 +307,13 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, CaptureError> {
     Ok(bytes)
 }
 
-/// Applies the manifest in `bytes` to `info`. `shown` is its path for messages.
-fn apply_manifest(bytes: Vec<u8>, shown: &str, info: &mut CaptureInfo) -> Result<(), CaptureError> {
-    let text = String::from_utf8(bytes).map_err(|error| CaptureError::BadManifest {
+/// Returns the text of the manifest in `bytes`. `shown` is its path for messages.
+fn text_of_manifest(bytes: Vec<u8>, shown: &str) -> Result<String, CaptureError> {
+    String::from_utf8(bytes).map_err(|error| CaptureError::BadManifest {
         path: shown.into(),
         line: error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count() + 1,
         reason: "it is not UTF-8 text".into(),
-    })?;
-    manifest::apply(&text, shown, info)
+    })
 }
 
 /// Returns the index of the `capture.toml` nearest to the root; `None` where there is none.

@@ -100,7 +100,7 @@ pub enum CaptureError {
     },
     /// A pair without an image.
     #[error(
-        "{path} lacks {missing} of its {expected_count} images ({views} views x {lights} lights), first `{expected}`; add what is missing or remove the views or lights that are incomplete"
+        "{path} lacks {missing} of its {expected_count} images ({views} views x {lights} lights), first `{expected}`; add what is missing, remove the views or lights that are incomplete, or write `incomplete = true` in capture.toml to fit without"
     )]
     MissingPair {
         /// The folder or archive.
@@ -115,6 +115,12 @@ pub enum CaptureError {
         views: usize,
         /// Number of lights found in the names.
         lights: usize,
+    },
+    /// A pair without an image was asked for.
+    #[error("{path} has no image; the capture is incomplete")]
+    NoImage {
+        /// The capture and the pair.
+        path: String,
     },
     /// Images of more than one format.
     #[error(

@@ -100,6 +100,8 @@ pub struct CaptureInfo {
     pub size_mm: Option<[f32; 2]>,
     /// Format of the images; [`ImageFormat::Exr`] stands for all linear formats, Radiance and UBO2014 files included.
     pub format: ImageFormat,
+    /// Pairs that have no image, `view * lights + light`, ascending. Empty unless the capture says that it is incomplete.
+    pub missing: Vec<usize>,
     /// Short name for people.
     pub name: String,
     /// Origin of the capture in words; empty where unknown.
@@ -128,6 +130,7 @@ impl CaptureInfo {
             side: Side::Front,
             size_mm: None,
             format,
+            missing: Vec::new(),
             name: name.into(),
             provenance: String::new(),
         }
@@ -145,6 +148,42 @@ impl CaptureInfo {
     /// Returns the number of (view, light) pairs. Pair index = `view * lights.len() + light`.
     pub fn pair_count(&self) -> usize {
         self.views.len() * self.lights.len()
+    }
+
+    /// Returns whether `pair` (`view * lights + light`) has an image.
+    pub fn has_image(&self, pair: usize) -> bool {
+        self.missing.binary_search(&pair).is_err()
+    }
+
+    /// Returns the pairs that have an image, ascending.
+    pub fn present_pairs(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.pair_count()).filter(|pair| self.has_image(*pair))
+    }
+
+    /// Returns for each pair the pair whose image stands in for it: itself where it has one, else the one with the least sum of
+    /// the angles between the views and between the lights, the first of equals.
+    ///
+    /// Cost: missing pairs times pairs.
+    pub fn stand_ins(&self) -> Vec<usize> {
+        let mut found: Vec<usize> = (0..self.pair_count()).collect();
+        if self.missing.is_empty() {
+            return found;
+        }
+        let angles = |set: &DirectionSet| -> Vec<Vec<f32>> {
+            let units = set.units();
+            let angle =
+                |a: &[f32; 3], b: &[f32; 3]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f32>().clamp(-1.0, 1.0).acos();
+            units.iter().map(|a| units.iter().map(|b| angle(a, b)).collect()).collect()
+        };
+        let (views, sources) = (angles(&self.views), angles(&self.lights));
+        let present: Vec<usize> = self.present_pairs().collect();
+        let lights = self.lights.len();
+        for pair in &self.missing {
+            let far = |other: &usize| views[other / lights][pair / lights] + sources[other % lights][pair % lights];
+            let nearest = present.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+            found[*pair] = nearest.copied().unwrap_or(*pair);
+        }
+        found
     }
 
     /// Returns the number of texels of one image.

@@ -38,7 +38,7 @@
 //! which hold the radiometry; [`Capture`] and [`CaptureWriter`]; [`CaptureError`]. [`mod@atomic`] and [`files`] serve every
 //! program that writes and reads files, [`toml_text`] those that read TOML, [`cie`] those that compute with spectra.
 //!
-//! Error metrics belong to the fitter. Sets that are no full grid of views x lights are not supported.
+//! Error metrics belong to the fitter. Views and lights form a grid, of which pairs may have no image.
 
 pub mod atomic;
 #[cfg(test)]

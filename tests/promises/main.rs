@@ -9,6 +9,7 @@ mod expand_and_measure;
 mod exports;
 mod fitted_on_gpu;
 mod high_dynamic_range;
+mod incomplete_captures;
 mod leaf_colour;
 mod leaf_layers;
 mod live_canopy;

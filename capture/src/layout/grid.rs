@@ -1,4 +1,4 @@
-//! Orders images with their angles as a full grid of views x lights.
+//! Orders images with their angles as a grid of views x lights.
 
 use std::collections::HashMap;
 
@@ -23,15 +23,16 @@ pub(crate) struct Grid {
     pub views: DirectionSet,
     pub lights: DirectionSet,
     pub format: FileFormat,
-    /// Index of the file of each pair, `view * lights + light`.
-    pub files: Vec<usize>,
+    /// Index of the file of each pair, `view * lights + light`; `None` for a pair without an image.
+    pub files: Vec<Option<usize>>,
 }
 
 /// Orders `images`, at least one, as a grid. `missing_name` names the image that a pair lacks, from the grid (without
-/// files), the view and the light.
+/// files), the view and the light; that is an error unless the capture may be `incomplete`.
 pub(crate) fn grid_of(
     source: &Source,
     images: &[GridImage],
+    incomplete: bool,
     missing_name: &dyn Fn(&Grid, usize, usize) -> String,
 ) -> Result<Grid, CaptureError> {
     let root = source.root().display().to_string();
@@ -68,7 +69,7 @@ pub(crate) fn grid_of(
     let file_of = |(view, light): (usize, usize)| {
         file_of_pair.get(&(key(grid.lights.directions()[light]), key(grid.views.directions()[view]))).copied()
     };
-    if missing > 0 {
+    if missing > 0 && !incomplete {
         let (view, light) = pairs().find(|&pair| file_of(pair).is_none()).unwrap_or((0, 0));
         return Err(CaptureError::MissingPair {
             path: root,
@@ -79,7 +80,7 @@ pub(crate) fn grid_of(
             lights: light_count,
         });
     }
-    let files = pairs().filter_map(file_of).collect();
+    let files = pairs().map(file_of).collect();
     grid.files = files;
     Ok(grid)
 }

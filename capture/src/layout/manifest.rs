@@ -33,8 +33,16 @@ struct Manifest {
     /// Width and height in millimetres.
     #[serde(skip_serializing_if = "Option::is_none")]
     size_mm: Option<toml::Spanned<Vec<f64>>>,
+    /// Whether pairs of a view and a light may have no image.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    incomplete: Option<bool>,
     #[serde(skip_serializing_if = "Option::is_none")]
     provenance: Option<String>,
+}
+
+/// Returns whether the manifest in `text` says that pairs may have no image; `false` where it cannot be read.
+pub(crate) fn is_incomplete(text: &str) -> bool {
+    toml::from_str::<Manifest>(text).is_ok_and(|manifest| manifest.incomplete == Some(true))
 }
 
 /// Applies the keys in `text` to `info`; other fields keep their values. `path` is for messages.
@@ -100,6 +108,7 @@ pub(crate) fn to_text(info: &CaptureInfo) -> Result<String, String> {
         scale: Some(toml::Spanned::new(0..0, number(info.scale))),
         side: word(info.side.to_string()),
         size_mm: info.size_mm.map(|size| toml::Spanned::new(0..0, size.map(number).to_vec())),
+        incomplete: (!info.missing.is_empty()).then_some(true),
         provenance: (!info.provenance.is_empty()).then(|| info.provenance.clone()),
     };
     let body = toml::to_string(&manifest).map_err(|error| error.to_string())?;

@@ -1,5 +1,5 @@
-//! Direction pairs that a fit does not use (`--leave-out`), so that their error can be measured, and how they are
-//! predicted from the pairs that it uses.
+//! Direction pairs that a fit does not use, and how they are predicted from the pairs that it uses: those that are held back so
+//! that their error can be measured (`--leave-out`), and those that have no image.
 
 use btf_capture::CaptureInfo;
 use btf_runtime::Sphere;
@@ -17,10 +17,10 @@ const ROUNDS: usize = 4;
 /// Variance of a sample's own noise, relative to the samples' mean square.
 const NOISE: f64 = 1e-3;
 
-/// Held-back pairs and how their samples are filled from the others.
+/// Held-back and missing pairs and how their samples are filled from the others.
 #[derive(Debug, Clone, Default)]
 pub struct Holdout {
-    /// Held-back pairs, ascending (`view * lights + light`).
+    /// Held-back and missing pairs, ascending (`view * lights + light`).
     pub pairs: Vec<usize>,
     /// For each held-back pair the pairs, with weights, whose weighted sum stands in for it.
     pub sources: Vec<Vec<(usize, f32)>>,
@@ -29,28 +29,32 @@ pub struct Holdout {
 }
 
 impl Holdout {
-    /// Holds back `share` of the pairs, chosen by `seed`. A held-back pair is at first filled with the mean of its
-    /// neighbours that are not held back: the pairs of the same view and a neighbouring light, or of the same light and
-    /// a neighbouring view (Delaunay neighbours).
+    /// Holds back `share` of the pairs that have an image, chosen by `seed`, beside those that have none. Such a pair is at first
+    /// filled with the mean of its neighbours that are seen: the pairs of the same view and a neighbouring light, or of the same
+    /// light and a neighbouring view (Delaunay neighbours); without these, with the nearest pair that is seen.
     pub fn new(info: &CaptureInfo, lights: &Sphere, views: &Sphere, share: f64, seed: u64) -> Holdout {
-        let count = (info.pair_count() as f64 * share).round() as usize;
-        if count == 0 {
+        let mut all: Vec<usize> = info.present_pairs().collect();
+        let count = (all.len() as f64 * share).round() as usize;
+        if count == 0 && info.missing.is_empty() {
             return Holdout::default();
         }
-        let mut all: Vec<usize> = (0..info.pair_count()).collect();
         all.shuffle(&mut Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5eed_0f0e));
-        let mut pairs = all[..count].to_vec();
+        let mut pairs = [&all[..count], &info.missing].concat();
         pairs.sort_unstable();
         let held = flags(&pairs, info.pair_count());
         let (light_near, view_near) = (lights.neighbours(), views.neighbours());
         let light_count = lights.len();
+        let nearest = CaptureInfo { missing: pairs.clone(), ..info.clone() }.stand_ins();
         let sources = pairs
             .iter()
             .map(|pair| {
                 let (view, light) = (pair / light_count, pair % light_count);
                 let by_light = light_near[light].iter().map(|other| view * light_count + other);
                 let by_view = view_near[view].iter().map(|other| other * light_count + light);
-                let seen: Vec<usize> = by_light.chain(by_view).filter(|source| !held[*source]).collect();
+                let mut seen: Vec<usize> = by_light.chain(by_view).filter(|source| !held[*source]).collect();
+                if seen.is_empty() {
+                    seen.push(nearest[*pair]);
+                }
                 let weight = 1.0 / seen.len().max(1) as f32;
                 seen.into_iter().map(|source| (source, weight)).collect()
             })

@@ -204,7 +204,7 @@ pub struct Tile<'a> {
 }
 
 impl<'a> TileCache<'a> {
-    /// Reads every image of `capture` once, in parallel.
+    /// Reads every image of `capture` once, in parallel. For a pair without an image, that of the nearest pair is read again.
     ///
     /// Holds the samples in memory if they take at most half of `memory_bytes`, else in a temporary file
     /// in `directory`. Needs beside them two views' worth of images.
@@ -232,7 +232,8 @@ impl<'a> TileCache<'a> {
     ) -> Result<TileCache<'a>, FitError> {
         let info = capture.info();
         let lights = info.lights.len();
-        let tables = match capture.read(0, 0)? {
+        let first = info.present_pairs().next().unwrap_or(0);
+        let tables = match capture.read(first / lights, first % lights)? {
             Pixels::Encoded8(_) => (0..lights).map(|light| info.linear_from_encoded8(light)).collect(),
             Pixels::Linear(_) => Vec::new(),
         };
@@ -335,6 +336,7 @@ impl<'a> TileCache<'a> {
     /// Decodes all images into `form`; `None` if a sample does not fit into it.
     fn decode(&self, form: Form) -> Result<Option<Decoded>, FitError> {
         let (capture, info) = (self.capture, self.capture.info());
+        let stand_ins = info.stand_ins();
         let total = self.texels * self.pairs * form.unit();
         let place =
             if total as u64 <= self.memory_bytes / 2 { Place::Memory(vec![0; total]) } else { self.make_file(total)? };
@@ -351,6 +353,7 @@ impl<'a> TileCache<'a> {
                 .into_par_iter()
                 .map(|pair| {
                     self.monitor.check()?;
+                    let pair = stand_ins[pair];
                     Ok(match (capture.read(pair / self.lights, pair % self.lights)?, form) {
                         (Pixels::Encoded8(mut codes), _) => {
                             turn_image(&mut codes, info.width, info.side);

@@ -36,7 +36,7 @@ pub struct MeasureParams {
     pub colour_stride: Option<usize>,
     /// Components and lobes to decode and, for directions that the asset has not measured, the interpolation rule.
     pub options: DecodeOptions,
-    /// The pairs to measure (`view * lights + light`, ascending); `None` for all.
+    /// The pairs to measure (`view * lights + light`, ascending); `None` for all. Pairs without an image are left out.
     pub pairs: Option<Vec<usize>>,
     /// Memory limit in bytes; the batch of images takes at most an eighth of it.
     pub memory_bytes: u64,
@@ -238,7 +238,10 @@ pub(crate) fn measure_decoder(
     let view_spots = Spot::of_set(&layer.views, &info.views, info.side);
     let light_spots = Spot::of_set(&layer.lights, &info.lights, info.side);
     let coding = Coding::new(info, tone_curve);
-    let pairs: Vec<usize> = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
+    let pairs: Vec<usize> = match &params.pairs {
+        Some(pairs) => pairs.iter().copied().filter(|pair| info.has_image(*pair)).collect(),
+        None => info.present_pairs().collect(),
+    };
     let stride = params.colour_stride.unwrap_or_else(|| colour_pair_stride(info.views.len(), lights));
     let texel_stride = (texels * pairs.len().div_ceil(stride.max(1)) / COLOURS).max(1);
 

@@ -54,7 +54,7 @@ pub struct PreparedLayer {
     pub lobe_weights: Option<FittedWeights>,
     /// Figures of the lobes alone, without the residual.
     pub figures: LobeFigures,
-    /// Direction pairs that were held back (`view * lights + light`).
+    /// Direction pairs that were held back or have no image (`view * lights + light`).
     pub left_out: Vec<usize>,
 }
 
@@ -142,6 +142,14 @@ impl<'a> LayerSource<'a> {
         let mapping = Mapping::new(cache, curve.exact());
         let mut source =
             LayerSource { info, cache, params, sample, stages, views, lights, kind, epsilon, curve, mapping, holdout };
+        if !info.missing.is_empty() {
+            stages.monitor().remark(&format!(
+                "{}: {} of its {} pairs have no image; they are predicted from the others",
+                info.name,
+                info.missing.len(),
+                info.pair_count()
+            ));
+        }
         if !source.holdout.pairs.is_empty() {
             source.holdout.sources = source.learn_holdout()?;
         }

@@ -350,7 +350,7 @@ fn pictures(input: &ReportInput, layer: &ReportLayer) -> Result<Markup, FitError
         let title = if info.side.is_transmission() { title.through } else { title.reflected };
         let view = nearest(&info.views, view);
         let light = nearest(&info.lights, light);
-        if seen.contains(&(view, light)) {
+        if seen.contains(&(view, light)) || !info.has_image(view * info.lights.len() + light) {
             continue;
         }
         seen.push((view, light));

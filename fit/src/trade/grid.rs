@@ -43,7 +43,7 @@ const MAX_BYTES_BESIDE: usize = 200_000;
 /// and views alike, and each with a colour difference.
 pub(crate) fn strided_pairs(info: &CaptureInfo, count: usize) -> Vec<usize> {
     let stride = colour_pair_stride(info.views.len(), info.lights.len());
-    let all: Vec<usize> = (0..info.pair_count()).step_by(stride).collect();
+    let all: Vec<usize> = (0..info.pair_count()).step_by(stride).filter(|pair| info.has_image(*pair)).collect();
     let share = (all.len() as f64 / count as f64).round().max(1.0) as usize;
     all.into_iter().step_by(share).collect()
 }
@@ -303,7 +303,9 @@ impl Grid<'_> {
         }
         let Some(thin) = thinned_grid(&made.asset, 0) else { return Ok(None) };
         if self.thinned.is_none() {
-            let pairs = spread(&thin.pairs, BETWEEN_PAIRS);
+            let info = self.capture.info();
+            let present: Vec<usize> = thin.pairs.iter().copied().filter(|pair| info.has_image(*pair)).collect();
+            let pairs = spread(&present, BETWEEN_PAIRS);
             let images = Images::read(self.capture, &pairs, self.monitor)?;
             self.thinned = Some(Between { images, pairs, info: self.capture.info() });
         }

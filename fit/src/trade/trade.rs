@@ -75,7 +75,7 @@ pub fn trade(
     let between = match reference {
         Some(reference) => {
             check_reference(info, reference.info())?;
-            let all: Vec<usize> = (0..reference.info().pair_count()).collect();
+            let all: Vec<usize> = reference.info().present_pairs().collect();
             let pairs = spread(&all, BETWEEN_PAIRS);
             Some(Between { images: Images::read(reference, &pairs, monitor)?, pairs, info: reference.info() })
         }
