@@ -3,13 +3,15 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::colour::transfer::Transfer;
 use crate::error::CaptureError;
+use crate::images::corrections::{Corrections, MIN_FLAT, linear, nearest_valid};
 use crate::images::decoded::{DecodedImage, ImageFault, Samples};
 use crate::images::file_format::{self, FileFormat};
 use crate::info::{CaptureInfo, ImageFormat};
-use crate::layout::grid::{Grid, grid_of};
-use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES};
-use crate::layout::source::{MAX_FILE_BYTES, Source};
+use crate::layout::grid::{Grid, GridImage, Shot, grid_of, snap};
+use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES, Reading};
+use crate::layout::source::{MAX_FILE_BYTES, Source, safe_name};
 use crate::layout::{bonn, list};
 use crate::ubo2014::{Container, ContainerInfo, is_container};
 
@@ -30,17 +32,31 @@ const MAX_SPECTRAL_BYTES_PER_TEXEL: u64 = 1024;
 pub struct Capture {
     pub(crate) images: Arc<Images>,
     info: CaptureInfo,
+    corrections: Arc<Corrections>,
+    snapped: Option<Snapped>,
+}
+
+/// What became of the directions of a capture whose `capture.toml` names the views or lights that images count as.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Snapped {
+    /// Largest angle between a direction and the one that it counts as, degrees.
+    pub largest_deg: f64,
+    /// Images that were left out because another one was nearer to their pair.
+    pub left_out: usize,
 }
 
 /// Source of a capture's images.
 #[derive(Debug)]
 pub(crate) enum Images {
-    /// One file for each image.
+    /// Image files.
     Files {
         source: Source,
         format: FileFormat,
-        /// Index of the file of each pair, `view * lights + light`; `None` for a pair without an image.
-        files: Vec<Option<usize>>,
+        /// Photographs of each pair, `view * lights + light`; none for a pair without an image.
+        shots: Vec<Vec<Shot>>,
+        /// Curve of the files where their values are merged or corrected, so that images are linear; `None` where the file
+        /// values are the images'.
+        merged: Option<Transfer>,
     },
     /// One UBO2014 file that all images are computed from.
     Container(Box<Container>),
@@ -114,11 +130,12 @@ impl Capture {
             return Err(CaptureError::BadImages { reason });
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: info.name.clone(), reason })?;
-        Ok(Capture { images: Arc::new(Images::Memory(images)), info })
+        Ok(Capture { images: Arc::new(Images::Memory(images)), info, corrections: Arc::default(), snapped: None })
     }
 
     fn open_container(path: &Path, name: String) -> Result<Capture, CaptureError> {
         let (container, mut info) = Container::open(path, name)?;
+        let mut corrections = Corrections::default();
         let beside = path.with_extension("toml");
         if beside.is_file() {
             let size = std::fs::metadata(&beside).map_or(0, |meta| meta.len());
@@ -128,10 +145,13 @@ impl Capture {
             }
             let bytes = std::fs::read(&beside).map_err(|source| CaptureError::read(&beside, source))?;
             let shown = beside.display().to_string();
-            manifest::apply(&text_of_manifest(bytes, &shown)?, &shown, &mut info)?;
+            let text = text_of_manifest(bytes, &shown)?;
+            manifest::apply(&text, &shown, &mut info)?;
+            corrections.rows_up = manifest::reading(&text, &shown)?.rows_up;
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: path.display().to_string(), reason })?;
-        let capture = Capture { images: Arc::new(Images::Container(Box::new(container))), info };
+        let images = Arc::new(Images::Container(Box::new(container)));
+        let capture = Capture { images, info, corrections: Arc::new(corrections), snapped: None };
         capture.read(0, 0)?;
         Ok(capture)
     }
@@ -145,32 +165,111 @@ impl Capture {
             Some(file) => Some((text_of_manifest(source.read(file, MAX_MANIFEST_BYTES)?, &source.shown(file))?, file)),
             None => None,
         };
-        let incomplete = manifest.as_ref().is_some_and(|(text, _)| manifest::is_incomplete(text));
+        let reading = match &manifest {
+            Some((text, file)) => manifest::reading(text, &source.shown(*file))?,
+            None => Reading::default(),
+        };
+        let snapped_of = |images: &mut Vec<GridImage>| {
+            (reading.views.is_some() || reading.lights.is_some()).then(|| {
+                let (largest_deg, left_out) = snap(images, reading.views.as_ref(), reading.lights.as_ref());
+                Snapped { largest_deg, left_out }
+            })
+        };
+        let snapped;
         let grid = match list::find_images(&source, list)? {
-            Some(images) => grid_of(&source, &images, incomplete, &list::missing_name)?,
+            Some(mut images) => {
+                snapped = snapped_of(&mut images);
+                grid_of(&source, &images, reading.incomplete, &list::missing_name)?
+            }
             None => {
-                let images = bonn::find_images(&source);
+                let mut images = bonn::find_images(&source);
                 if images.is_empty() {
                     return Err(CaptureError::NoImages { path: root, files: source.names().len() });
                 }
+                snapped = snapped_of(&mut images);
                 let name = |grid: &Grid, view, light| bonn::missing_name(&source, &images, grid, view, light);
-                grid_of(&source, &images, incomplete, &name)?
+                grid_of(&source, &images, reading.incomplete, &name)?
             }
         };
         let mut info = CaptureInfo::new(name, 0, 0, grid.views, grid.lights, grid.format.written_as());
-        if let Some((text, file)) = manifest {
-            manifest::apply(&text, &source.shown(file), &mut info)?;
+        if let Some((text, file)) = &manifest {
+            manifest::apply(text, &source.shown(*file), &mut info)?;
         }
-        info.missing = (0..grid.files.len()).filter(|pair| grid.files[*pair].is_none()).collect();
+        info.missing = (0..grid.shots.len()).filter(|pair| grid.shots[*pair].is_empty()).collect();
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: root, reason })?;
-        let images = Arc::new(Images::Files { source, format: grid.format, files: grid.files });
-        let mut capture = Capture { images, info };
+        let shots = &grid.shots;
+        let is_exposed = shots.iter().flatten().any(|shot| shot.exposure != 1.0);
+        let merged = (is_exposed || reading.black.is_some() || reading.flat.is_some()).then_some(info.transfer);
+        let folder = manifest.map_or(String::new(), |(_, file)| {
+            source.names()[file].rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"))
+        });
+        let images = Arc::new(Images::Files { source, format: grid.format, shots: grid.shots, merged });
+        let mut capture = Capture { images, info, corrections: Arc::default(), snapped };
         let pair = capture.info.present_pairs().next().unwrap_or(0);
         let (view, light) = (pair / capture.info.lights.len(), pair % capture.info.lights.len());
         let first = capture.decode(view, light, None)?;
         (capture.info.width, capture.info.height) = (first.width, first.height);
-        capture.pixels(view, light, first)?;
+        capture.corrections = Arc::new(capture.corrections_of(&reading, &folder)?);
+        if merged.is_some() {
+            // The images are linear whatever the files are.
+            (capture.info.format, capture.info.transfer) = (ImageFormat::Exr, Transfer::Linear);
+        }
+        capture.read(view, light)?;
         Ok(capture)
+    }
+
+    /// Reads the images of black level, flat field and mask, whose names are relative to `folder`.
+    fn corrections_of(&self, reading: &Reading, folder: &str) -> Result<Corrections, CaptureError> {
+        let mut found =
+            Corrections { rows_up: reading.rows_up, saturation: reading.saturation, ..Corrections::default() };
+        let Images::Files { source, merged, .. } = &*self.images else { return Ok(found) };
+        let transfer = merged.unwrap_or(self.info.transfer);
+        let image = |key: &str, name: &Option<String>| -> Result<Option<(String, DecodedImage)>, CaptureError> {
+            let Some(name) = name else { return Ok(None) };
+            let place = safe_name(name).map(|name| format!("{folder}{name}"));
+            let file = place.and_then(|place| source.names().iter().position(|other| *other == place));
+            let extension = name.rsplit_once('.').map_or("", |(_, extension)| extension);
+            let (Some(file), Some(format)) = (file, FileFormat::from_extension(extension)) else {
+                let path = source.shown_name(&format!("{folder}{}", name.escape_debug()));
+                let reason = format!("capture.toml names it for `{key}`, and it is no image there");
+                return Err(CaptureError::BadImage { path, reason });
+            };
+            let mut image = self.decode_file(source, file, format, Some((self.info.width, self.info.height)))?;
+            found.place(&mut image);
+            Ok(Some((source.shown(file), image)))
+        };
+        let black = image("black", &reading.black)?.map(|(_, image)| linear(&image, transfer));
+        let flat = match image("flat", &reading.flat)? {
+            None => None,
+            Some((path, image)) => {
+                let mut flat = linear(&image, transfer);
+                if let Some(black) = &black {
+                    flat.iter_mut().zip(black).for_each(|(flat, black)| *flat -= black);
+                }
+                if let Some(at) = flat.iter().position(|value| !(*value >= MIN_FLAT)) {
+                    let (column, row) = (at / 3 % self.info.width, at / 3 / self.info.width);
+                    let reason = format!("the flat field is dark at column {column}, row {row}");
+                    return Err(CaptureError::BadImage { path, reason });
+                }
+                Some(flat)
+            }
+        };
+        let stand_ins = match image("mask", &reading.mask)? {
+            None => None,
+            Some((path, image)) => {
+                let values = linear(&image, Transfer::Linear);
+                let valid: Vec<bool> = values.chunks_exact(3).map(|rgb| rgb.iter().sum::<f32>() > 1.5).collect();
+                let found = nearest_valid(&valid, self.info.width);
+                Some(found.ok_or(CaptureError::BadImage { path, reason: "the mask leaves no texel".into() })?)
+            }
+        };
+        (found.black, found.flat, found.stand_ins) = (black, flat, stand_ins);
+        Ok(found)
+    }
+
+    /// Returns by how much directions were moved to those that `capture.toml` names; `None` where it names none.
+    pub fn snapped(&self) -> Option<Snapped> {
+        self.snapped
     }
 
     /// Returns the description of the capture.
@@ -193,8 +292,8 @@ impl Capture {
     pub fn path_of(&self, view: usize, light: usize) -> String {
         let pair = self.pair(view, light);
         match &*self.images {
-            Images::Files { source, files, .. } => match files[pair] {
-                Some(file) => source.shown(file),
+            Images::Files { source, shots, .. } => match shots[pair].last() {
+                Some(shot) => source.shown(shot.file),
                 None => format!("{}: {}", source.root().display(), self.pair_words(pair)),
             },
             Images::Container(container) => {
@@ -224,7 +323,20 @@ impl Capture {
     /// # Panics
     /// If `view` or `light` is out of range.
     pub fn read(&self, view: usize, light: usize) -> Result<Pixels, CaptureError> {
-        let image = self.decode(view, light, Some((self.info.width, self.info.height)))?;
+        let size = Some((self.info.width, self.info.height));
+        if let Images::Files { source, format, shots, merged: Some(transfer) } = &*self.images {
+            let shots = &shots[self.pair(view, light)];
+            if shots.is_empty() {
+                return Err(CaptureError::NoImage { path: self.path_of(view, light) });
+            }
+            let read = |shot: &Shot| Ok((self.decode_file(source, shot.file, *format, size)?, shot.exposure));
+            let mut images = shots.iter().map(read).collect::<Result<Vec<_>, CaptureError>>()?;
+            images.iter_mut().for_each(|(image, _)| self.corrections.place(image));
+            let samples = Samples::F32(self.corrections.merge(&images, *transfer));
+            let (width, height) = (self.info.width, self.info.height);
+            return self.pixels(view, light, DecodedImage { width, height, samples });
+        }
+        let image = self.decode(view, light, size)?;
         self.pixels(view, light, image)
     }
 
@@ -233,21 +345,33 @@ impl Capture {
         view * self.info.lights.len() + light
     }
 
+    /// Decodes the file values of a pair's image, of the last of its photographs.
     fn decode(&self, view: usize, light: usize, size: Option<(usize, usize)>) -> Result<DecodedImage, CaptureError> {
         let pair = self.pair(view, light);
-        let (source, format, file) = match &*self.images {
-            Images::Files { source, format, files } => match files[pair] {
-                Some(file) => (source, *format, file),
+        let mut image = match &*self.images {
+            Images::Files { source, format, shots, .. } => match shots[pair].last() {
+                Some(shot) => self.decode_file(source, shot.file, *format, size)?,
                 None => return Err(CaptureError::NoImage { path: self.path_of(view, light) }),
             },
-            Images::Container(container) => return Ok(container.image(view, light)),
+            Images::Container(container) => container.image(view, light),
             Images::Memory(images) => {
                 let (width, height) = (self.info.width, self.info.height);
                 let values = width * height * 3;
                 let samples = Samples::F32(images[pair * values..(pair + 1) * values].to_vec());
-                return Ok(DecodedImage { width, height, samples });
+                DecodedImage { width, height, samples }
             }
         };
+        self.corrections.place(&mut image);
+        Ok(image)
+    }
+
+    fn decode_file(
+        &self,
+        source: &Source,
+        file: usize,
+        format: FileFormat,
+        size: Option<(usize, usize)>,
+    ) -> Result<DecodedImage, CaptureError> {
         let per_texel = if format == FileFormat::Exr { MAX_SPECTRAL_BYTES_PER_TEXEL } else { MAX_BYTES_PER_TEXEL };
         let limit =
             size.map_or(MAX_FILE_BYTES, |(width, height)| FREE_FILE_BYTES + (width * height) as u64 * per_texel);

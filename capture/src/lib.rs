@@ -59,7 +59,7 @@ mod units;
 mod writer;
 
 pub use atomic::{AtomicFile, write_file_atomically};
-pub use capture::{Capture, MIN_LINEAR, Pixels};
+pub use capture::{Capture, MIN_LINEAR, Pixels, Snapped};
 pub use colour::cie;
 pub use colour::ciede::{Lab, LabConverter, delta_e00, lab_from_linear};
 pub use colour::spectrum::{rgb_of, rgb_weights};

@@ -194,7 +194,7 @@ fn png(grey: u8) -> Vec<u8> {
 }
 
 const LIST: &str = "# my rig
-File;theta_l;phi_l;theta_v;phi_v;exposure
+File;theta_l;phi_l;theta_v;phi_v;iso
 shots/b.png;30;-90;0;0;2
 
 shots/a.png; 0 ;77;0;0;1

@@ -15,6 +15,17 @@ pub(crate) struct GridImage {
     pub light: Direction,
     pub view: Direction,
     pub format: FileFormat,
+    /// Exposure relative to the capture's other images, above 0; 1 where none is told.
+    pub exposure: f32,
+}
+
+/// A photograph of a pair.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Shot {
+    /// Index of the file in the source.
+    pub file: usize,
+    /// Exposure, see [`GridImage::exposure`].
+    pub exposure: f32,
 }
 
 /// Sets of views and lights that images form.
@@ -23,8 +34,44 @@ pub(crate) struct Grid {
     pub views: DirectionSet,
     pub lights: DirectionSet,
     pub format: FileFormat,
-    /// Index of the file of each pair, `view * lights + light`; `None` for a pair without an image.
-    pub files: Vec<Option<usize>>,
+    /// Photographs of each pair, `view * lights + light`, the shortest exposure first; none for a pair without an image.
+    pub shots: Vec<Vec<Shot>>,
+}
+
+/// Gives the images of a capture whose directions differ from view to view those of `views` and `lights` that are nearest. Of
+/// images that come to the same pair and exposure the nearest stays. Returns the largest angle in degrees by which a direction
+/// was moved, and how many images were left out.
+pub(crate) fn snap(
+    images: &mut Vec<GridImage>,
+    views: Option<&DirectionSet>,
+    lights: Option<&DirectionSet>,
+) -> (f64, usize) {
+    let nearest = |direction: Direction, set: Option<&DirectionSet>| {
+        let Some(set) = set else { return (direction, 0.0) };
+        let unit = direction.unit_f64();
+        let angle = |other: &Direction| {
+            let other = other.unit_f64();
+            unit.iter().zip(other).map(|(a, b)| a * b).sum::<f64>().clamp(-1.0, 1.0).acos().to_degrees()
+        };
+        let found = set.directions().iter().min_by(|a, b| angle(a).total_cmp(&angle(b)));
+        found.map_or((direction, 0.0), |found| (*found, angle(found)))
+    };
+    let mut moved: Vec<(f64, GridImage)> = images
+        .iter()
+        .map(|image| {
+            let ((view, by_view), (light, by_light)) = (nearest(image.view, views), nearest(image.light, lights));
+            (f64::max(by_view, by_light), GridImage { view, light, ..*image })
+        })
+        .collect();
+    let bits = |d: Direction| (d.theta_deg.to_bits(), d.phi_deg.to_bits());
+    let key = |image: &GridImage| (bits(image.view), bits(image.light), image.exposure.to_bits());
+    // The nearest first; equals in the order of the files.
+    moved.sort_by(|a, b| key(&a.1).cmp(&key(&b.1)).then(a.0.total_cmp(&b.0)).then(a.1.file.cmp(&b.1.file)));
+    let count = moved.len();
+    moved.dedup_by(|next, kept| key(&next.1) == key(&kept.1));
+    let largest = moved.iter().fold(0.0f64, |most, (by, _)| most.max(*by));
+    *images = moved.iter().map(|(_, image)| *image).collect();
+    (largest, count - moved.len())
 }
 
 /// Orders `images`, at least one, as a grid. `missing_name` names the image that a pair lacks, from the grid (without
@@ -38,12 +85,18 @@ pub(crate) fn grid_of(
     let root = source.root().display().to_string();
     // Two files of one pair, which two formats of one image are, too.
     let key = |d: Direction| (d.theta_deg.to_bits(), d.phi_deg.to_bits());
-    let mut file_of_pair = HashMap::with_capacity(images.len());
+    let mut shots_of_pair: HashMap<_, Vec<Shot>> = HashMap::with_capacity(images.len());
     for image in images {
-        if let Some(other) = file_of_pair.insert((key(image.light), key(image.view)), image.file) {
-            return Err(CaptureError::DoubledPair { first: source.shown(other), second: source.shown(image.file) });
+        let shots = shots_of_pair.entry((key(image.light), key(image.view))).or_default();
+        if let Some(other) = shots.iter().find(|shot| shot.exposure == image.exposure) {
+            return Err(CaptureError::DoubledPair {
+                first: source.shown(other.file),
+                second: source.shown(image.file),
+            });
         }
+        shots.push(Shot { file: image.file, exposure: image.exposure });
     }
+    shots_of_pair.values_mut().for_each(|shots| shots.sort_by(|a, b| a.exposure.total_cmp(&b.exposure)));
     let format = images[0].format;
     if let Some(other) = images.iter().find(|image| image.format != format) {
         let (first, second) = (source.shown(images[0].file), source.shown(other.file));
@@ -61,16 +114,16 @@ pub(crate) fn grid_of(
     let views = distinct(&mut images.iter().map(|image| image.view))?;
     let lights = distinct(&mut images.iter().map(|image| image.light))?;
 
-    let mut grid = Grid { views, lights, format, files: Vec::new() };
+    let mut grid = Grid { views, lights, format, shots: Vec::new() };
     let (view_count, light_count) = (grid.views.len(), grid.lights.len());
     let expected_count = view_count * light_count;
-    let missing = expected_count - images.len();
+    let missing = expected_count - shots_of_pair.len();
     let pairs = || (0..view_count).flat_map(|view| (0..light_count).map(move |light| (view, light)));
-    let file_of = |(view, light): (usize, usize)| {
-        file_of_pair.get(&(key(grid.lights.directions()[light]), key(grid.views.directions()[view]))).copied()
+    let shots_of = |(view, light): (usize, usize)| {
+        shots_of_pair.get(&(key(grid.lights.directions()[light]), key(grid.views.directions()[view]))).cloned()
     };
     if missing > 0 && !incomplete {
-        let (view, light) = pairs().find(|&pair| file_of(pair).is_none()).unwrap_or((0, 0));
+        let (view, light) = pairs().find(|&pair| shots_of(pair).is_none()).unwrap_or((0, 0));
         return Err(CaptureError::MissingPair {
             path: root,
             expected: missing_name(&grid, view, light),
@@ -80,7 +133,7 @@ pub(crate) fn grid_of(
             lights: light_count,
         });
     }
-    let files = pairs().map(file_of).collect();
-    grid.files = files;
+    let shots = pairs().map(|pair| shots_of(pair).unwrap_or_default()).collect();
+    grid.shots = shots;
     Ok(grid)
 }

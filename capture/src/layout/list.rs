@@ -1,7 +1,8 @@
 //! Lists of images with their directions: a table in text form beside images of any names.
 //!
-//! The first line names the columns; `file`, `theta_v`, `phi_v`, `theta_l` and `phi_l` must be among them, in any
-//! order, angles in degrees. Commas, semicolons or tabs separate values. A value that contains a separator stands in
+//! The first line names the columns. `file` must be among them, and for view and light either the angles `theta_v`, `phi_v`,
+//! `theta_l` and `phi_l` in degrees, or the places `x_v`, `y_v`, `z_v`, `x_l`, `y_l` and `z_l` of camera and lamp about the
+//! sample's middle. `exposure` may be there. Commas, semicolons or tabs separate values. A value that contains a separator stands in
 //! quotes, and a quote in it is doubled. Empty lines and lines that start with `#` are ignored.
 
 use std::collections::{HashMap, HashSet};
@@ -18,8 +19,11 @@ pub(crate) const LIST_EXTENSION: &str = "csv";
 /// Largest list that is read, in bytes: 300,000 long lines.
 const MAX_LIST_BYTES: u64 = 32 << 20;
 
-/// The columns that a list must have.
-const COLUMNS: [&str; 5] = ["file", "theta_v", "phi_v", "theta_l", "phi_l"];
+/// The columns of a list; it has those of each direction's angles or of its place.
+const FILE: &str = "file";
+const EXPOSURE: &str = "exposure";
+const VIEW: [[&str; 3]; 2] = [["theta_v", "phi_v", ""], ["x_v", "y_v", "z_v"]];
+const LIGHT: [[&str; 3]; 2] = [["theta_l", "phi_l", ""], ["x_l", "y_l", "z_l"]];
 
 /// Angles are rounded to this many parts of a degree, so that 29.9999999 and 30 are one direction.
 const PARTS_OF_A_DEGREE: f64 = 1000.0;
@@ -33,11 +37,17 @@ struct List {
     folder: String,
     text: String,
     separator: char,
-    /// Position of each of [`COLUMNS`].
-    columns: [usize; 5],
+    file: usize,
+    exposure: Option<usize>,
+    view: Columns,
+    light: Columns,
     /// Line of the columns' names, from 1.
     heading: usize,
 }
+
+/// Positions and names of the columns of a direction: two angles, or three coordinates.
+#[derive(Debug)]
+struct Columns(Vec<(usize, &'static str)>);
 
 /// Returns the images of the list in `source`; `None` if there is no list. `name` chooses the list; without it, any
 /// file that ends in `.csv` and has the columns is one.
@@ -81,17 +91,30 @@ fn open(source: &Source, file: usize) -> Result<Result<List, String>, CaptureErr
     let Some((heading, line)) = lines(&text).next() else { return Ok(Err("it is empty".into())) };
     let separator = [',', ';', '\t'].into_iter().max_by_key(|&c| line.matches(c).count()).unwrap_or(',');
     let Ok(names) = fields(line, separator) else { return Ok(Err("its first line does not name columns".into())) };
-    let mut columns = [0; 5];
-    for (place, column) in columns.iter_mut().zip(COLUMNS) {
+    let find = |column: &str| {
         let mut at = names.iter().enumerate().filter(|(_, name)| name.eq_ignore_ascii_case(column)).map(|(at, _)| at);
         match (at.next(), at.next()) {
-            (Some(at), None) => *place = at,
-            (None, _) => return Ok(Err(format!("it has no column `{column}`"))),
-            (Some(_), Some(_)) => return Ok(Err(format!("it has the column `{column}` twice"))),
+            (_, Some(_)) => Err(format!("it has the column `{column}` twice")),
+            (at, None) => Ok(at),
         }
-    }
+    };
+    let must = |column: &str| find(column)?.ok_or_else(|| format!("it has no column `{column}`"));
+    let direction = |[angles, place]: [[&'static str; 3]; 2]| {
+        let kind = if find(place[0])?.is_some() { &place[..] } else { &angles[..2] };
+        let columns = kind.iter().map(|column| Ok((must(column)?, *column)));
+        columns.collect::<Result<_, String>>().map(Columns)
+    };
+    let columns = || Ok::<_, String>((must(FILE)?, find(EXPOSURE)?, direction(VIEW)?, direction(LIGHT)?));
+    let (file_at, exposure, view, light) = match columns() {
+        Ok(found) => found,
+        Err(reason) => return Ok(Err(reason)),
+    };
     let folder = source.names()[file].rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
-    Ok(Ok(List { shown, folder, text, separator, columns, heading }))
+    Ok(Ok(List { shown, folder, text, separator, file: file_at, exposure, view, light, heading }))
+}
+
+fn rounded(degrees: f64) -> f64 {
+    (degrees * PARTS_OF_A_DEGREE).round() / PARTS_OF_A_DEGREE
 }
 
 /// Returns the lines that are neither empty nor comments, each with its number from 1.
@@ -107,22 +130,41 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
     for (line, text) in lines(&list.text).filter(|&(line, _)| line > list.heading) {
         let bad = |reason: String| CaptureError::BadList { path: list.shown.clone(), line, reason };
         let fields = fields(text, list.separator).map_err(|reason| bad(reason.into()))?;
-        let field = |column: usize| {
-            let place = list.columns[column];
-            fields.get(place).map(String::as_str).ok_or_else(|| bad(format!("it has no `{}`", COLUMNS[column])))
+        let field = |place: usize, column: &str| {
+            fields.get(place).map(String::as_str).ok_or_else(|| bad(format!("it has no `{column}`")))
         };
-        let angle = |column: usize| {
-            let text = field(column)?;
-            let degrees = text.parse::<f64>().ok().filter(|angle| angle.is_finite() && angle.abs() <= 1e4);
-            let degrees =
-                degrees.ok_or_else(|| bad(format!("`{}` is `{text}`, not an angle in degrees", COLUMNS[column])))?;
-            Ok::<f64, CaptureError>((degrees * PARTS_OF_A_DEGREE).round() / PARTS_OF_A_DEGREE)
+        let number = |place: usize, column: &str, what: &str| {
+            let text = field(place, column)?;
+            let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+            number.ok_or_else(|| bad(format!("`{column}` is `{text}`, not {what}")))
         };
-        let theta = |column: usize| match angle(column)? {
-            theta if (0.0..=180.0).contains(&theta) => Ok(theta),
-            theta => Err(bad(format!("`{}` is {theta}; it goes from 0 to 180 degrees", COLUMNS[column]))),
+        let direction = |columns: &Columns| match columns.0[..] {
+            [(theta_at, theta_name), (phi_at, phi_name)] => {
+                let angle = |place, column| match number(place, column, "an angle in degrees")? {
+                    degrees if degrees.abs() <= 1e4 => Ok(rounded(degrees)),
+                    degrees => Err(bad(format!("`{column}` is `{degrees}`, not an angle in degrees"))),
+                };
+                match angle(theta_at, theta_name)? {
+                    theta if (0.0..=180.0).contains(&theta) => Ok(Direction::new(theta, angle(phi_at, phi_name)?)),
+                    theta => Err(bad(format!("`{theta_name}` is {theta}; it goes from 0 to 180 degrees"))),
+                }
+            }
+            _ => {
+                let place: Vec<f64> = columns
+                    .0
+                    .iter()
+                    .map(|(place, column)| number(*place, column, "a length"))
+                    .collect::<Result<_, _>>()?;
+                let [x, y, z] = [place[0], place[1], place[2]];
+                let length = x.hypot(y).hypot(z);
+                if !(length > 0.0 && length.is_finite()) {
+                    return Err(bad(format!("`{}` to `{}` are no direction", columns.0[0].1, columns.0[2].1)));
+                }
+                let theta = (z / length).clamp(-1.0, 1.0).acos().to_degrees();
+                Ok(Direction::new(rounded(theta), rounded(y.atan2(x).to_degrees())))
+            }
         };
-        let written = field(0)?;
+        let written = field(list.file, FILE)?;
         let name = safe_name(written).map(|name| format!("{}{name}", list.folder));
         let file = name
             .and_then(|name| by_name.get(name.as_str()).copied())
@@ -133,8 +175,15 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
         let extension = written.rsplit_once('.').map_or("", |(_, extension)| extension);
         let format = FileFormat::from_extension(extension)
             .ok_or_else(|| bad(format!("`{written}` is none of png, jpg, exr or hdr")))?;
-        let (view, light) = (Direction::new(theta(1)?, angle(2)?), Direction::new(theta(3)?, angle(4)?));
-        images.push(GridImage { file, light, view, format });
+        let (view, light) = (direction(&list.view)?, direction(&list.light)?);
+        let exposure = match list.exposure {
+            None => 1.0,
+            Some(place) => match number(place, EXPOSURE, "a number")? {
+                exposure if (1e-9..=1e9).contains(&exposure) => exposure as f32,
+                exposure => return Err(bad(format!("`exposure` is {exposure}; it is above 0, such as seconds"))),
+            },
+        };
+        images.push(GridImage { file, light, view, format, exposure });
     }
     if images.is_empty() {
         let reason = "no image follows the names of the columns".to_string();

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::direction::{Direction, DirectionSet};
 use crate::error::CaptureError;
 use crate::info::{CaptureInfo, ImageFormat};
 
@@ -36,24 +37,116 @@ struct Manifest {
     /// Whether pairs of a view and a light may have no image.
     #[serde(skip_serializing_if = "Option::is_none")]
     incomplete: Option<bool>,
+    /// Where the next row of the files lies: `down` (the default) or `up`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rows: Option<toml::Spanned<String>>,
+    /// Image of no light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    black: Option<toml::Spanned<String>>,
+    /// Image of a white target under the same light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    flat: Option<toml::Spanned<String>>,
+    /// Image that is black where texels are invalid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mask: Option<toml::Spanned<String>>,
+    /// Share of the largest file value from which on a sample is saturated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    saturation: Option<toml::Spanned<f64>>,
+    /// The views, or the lights, that images count as: `bonn81`, `dome151` or `[theta, phi]` in degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    views: Option<toml::Spanned<toml::Value>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lights: Option<toml::Spanned<toml::Value>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     provenance: Option<String>,
 }
 
-/// Returns whether the manifest in `text` says that pairs may have no image; `false` where it cannot be read.
-pub(crate) fn is_incomplete(text: &str) -> bool {
-    toml::from_str::<Manifest>(text).is_ok_and(|manifest| manifest.incomplete == Some(true))
+/// Keys that say how a capture's files are read.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Reading {
+    /// Whether pairs may have no image.
+    pub incomplete: bool,
+    /// Whether the files' first row is the lowest.
+    pub rows_up: bool,
+    /// Names of the images of black level, flat field and mask, relative to the manifest.
+    pub black: Option<String>,
+    pub flat: Option<String>,
+    pub mask: Option<String>,
+    /// Share of the largest file value from which on a sample is saturated.
+    pub saturation: Option<f32>,
+    /// Directions that images count as.
+    pub views: Option<DirectionSet>,
+    pub lights: Option<DirectionSet>,
 }
 
-/// Applies the keys in `text` to `info`; other fields keep their values. `path` is for messages.
-pub(crate) fn apply(text: &str, path: &str, info: &mut CaptureInfo) -> Result<(), CaptureError> {
-    let bad = |offset: usize, reason: String| {
+/// Returns the keys in `text` that say how files are read. `path` is for messages.
+pub(crate) fn reading(text: &str, path: &str) -> Result<Reading, CaptureError> {
+    let (manifest, bad) = parsed(text, path)?;
+    let nominal = |key: Option<toml::Spanned<toml::Value>>, name: &str| {
+        let Some(key) = key else { return Ok(None) };
+        let reason = || format!("{name} must be \"bonn81\", \"dome151\" or [[theta, phi], ...] in degrees");
+        let set = directions_of(key.get_ref()).ok_or_else(|| bad(key.span().start, reason()))?;
+        set.map(Some).map_err(|error| bad(key.span().start, format!("{name}: {error}")))
+    };
+    let rows_up = match &manifest.rows {
+        None => false,
+        Some(word) if word.get_ref() == "down" => false,
+        Some(word) if word.get_ref() == "up" => true,
+        Some(word) => {
+            let reason = format!("rows is `{}`; write \"down\" or \"up\"", word.get_ref());
+            return Err(bad(word.span().start, reason));
+        }
+    };
+    if let Some(share) = manifest.saturation.as_ref().filter(|share| !(*share.get_ref() > 0.0)) {
+        return Err(bad(share.span().start, "saturation must be above 0".into()));
+    }
+    let name = |key: Option<toml::Spanned<String>>| key.map(toml::Spanned::into_inner);
+    Ok(Reading {
+        incomplete: manifest.incomplete == Some(true),
+        rows_up,
+        saturation: manifest.saturation.map(|share| share.into_inner() as f32),
+        black: name(manifest.black),
+        flat: name(manifest.flat),
+        mask: name(manifest.mask),
+        views: nominal(manifest.views, "views")?,
+        lights: nominal(manifest.lights, "lights")?,
+    })
+}
+
+/// Returns the directions that a value names or lists; `None` where it does neither.
+fn directions_of(value: &toml::Value) -> Option<Result<DirectionSet, CaptureError>> {
+    match value.as_str() {
+        Some("bonn81") => return Some(Ok(DirectionSet::bonn81())),
+        Some("dome151") => return Some(Ok(DirectionSet::dome151())),
+        _ => {}
+    }
+    let number = |value: &toml::Value| value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
+    let directions = value.as_array()?.iter().map(|angles| match angles.as_array()?.as_slice() {
+        [theta, phi] => Some(Direction::new(number(theta)?, number(phi)?)),
+        _ => None,
+    });
+    Some(DirectionSet::new(directions.collect::<Option<_>>()?))
+}
+
+/// Parses the manifest in `text`; also returns what makes an error of a place in it and a reason.
+fn parsed<'a>(
+    text: &'a str,
+    path: &'a str,
+) -> Result<(Manifest, impl Fn(usize, String) -> CaptureError + 'a), CaptureError> {
+    let bad = move |offset: usize, reason: String| {
         let line = text.as_bytes()[..offset.min(text.len())].iter().filter(|&&byte| byte == b'\n').count() + 1;
         let reason = reason.split_whitespace().collect::<Vec<_>>().join(" ");
         CaptureError::BadManifest { path: path.into(), line, reason }
     };
-    let manifest: Manifest =
+    let manifest =
         toml::from_str(text).map_err(|error| bad(error.span().map_or(0, |span| span.start), error.message().into()))?;
+    Ok((manifest, bad))
+}
+
+/// Applies the keys in `text` to `info`; other fields keep their values. `path` is for messages.
+pub(crate) fn apply(text: &str, path: &str, info: &mut CaptureInfo) -> Result<(), CaptureError> {
+    let (manifest, bad) = parsed(text, path)?;
+    let bad = &bad;
     let at = |span: std::ops::Range<usize>| move |error: CaptureError| bad(span.start, error.to_string());
     if let Some(name) = manifest.name {
         info.name = name;
@@ -109,6 +202,13 @@ pub(crate) fn to_text(info: &CaptureInfo) -> Result<String, String> {
         side: word(info.side.to_string()),
         size_mm: info.size_mm.map(|size| toml::Spanned::new(0..0, size.map(number).to_vec())),
         incomplete: (!info.missing.is_empty()).then_some(true),
+        rows: None,
+        black: None,
+        flat: None,
+        mask: None,
+        saturation: None,
+        views: None,
+        lights: None,
         provenance: (!info.provenance.is_empty()).then(|| info.provenance.clone()),
     };
     let body = toml::to_string(&manifest).map_err(|error| error.to_string())?;

@@ -24,6 +24,25 @@ pub struct PreparedFit {
     pub images: Option<DecodedImages>,
 }
 
+/// Tells what a capture that is no full grid of measured directions lacks.
+fn remark_on(capture: &Capture, monitor: &Monitor) {
+    let info = capture.info();
+    if let Some(snapped) = capture.snapped() {
+        monitor.remark(&format!(
+            "{}: directions count as those that capture.toml names, at most {:.1} degrees away; {} images were left out for nearer \
+             ones",
+            info.name, snapped.largest_deg, snapped.left_out
+        ));
+    }
+    if !info.missing.is_empty() {
+        let (missing, pairs) = (info.missing.len(), info.pair_count());
+        monitor.remark(&format!(
+            "{}: {missing} of its {pairs} pairs have no image; they are predicted from the others",
+            info.name
+        ));
+    }
+}
+
 impl PreparedFit {
     /// Runs every stage but the last. Memory: at most `params.memory_bytes()`; four bytes per texel and shared basis
     /// stay.
@@ -46,6 +65,7 @@ impl PreparedFit {
         let first = captures[0].info();
         let mut prepared = PreparedFit { layers: Vec::new(), grid: [first.width, first.height], images: None };
         for (number, capture) in captures.iter().enumerate() {
+            remark_on(capture, monitor);
             let MemoryPlan { sample, cache_bytes } = plan_memory(capture.info(), params, captures.len() - 1)?;
             let stages = checkpoint.layer(number, sample);
             // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.

@@ -142,14 +142,6 @@ impl<'a> LayerSource<'a> {
         let mapping = Mapping::new(cache, curve.exact());
         let mut source =
             LayerSource { info, cache, params, sample, stages, views, lights, kind, epsilon, curve, mapping, holdout };
-        if !info.missing.is_empty() {
-            stages.monitor().remark(&format!(
-                "{}: {} of its {} pairs have no image; they are predicted from the others",
-                info.name,
-                info.missing.len(),
-                info.pair_count()
-            ));
-        }
         if !source.holdout.pairs.is_empty() {
             source.holdout.sources = source.learn_holdout()?;
         }
