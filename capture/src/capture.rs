@@ -8,6 +8,7 @@ use crate::error::CaptureError;
 use crate::images::corrections::{Corrections, MIN_FLAT, linear, nearest_valid};
 use crate::images::decoded::{DecodedImage, ImageFault, Samples};
 use crate::images::file_format::{self, FileFormat};
+use crate::images::homography::{is_within, rectify};
 use crate::info::{CaptureInfo, ImageFormat};
 use crate::layout::grid::{Grid, GridImage, Shot, grid_of, snap};
 use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES, Reading};
@@ -33,6 +34,8 @@ pub struct Capture {
     pub(crate) images: Arc<Images>,
     info: CaptureInfo,
     corrections: Arc<Corrections>,
+    /// Size of the files, which is that of the images unless they are rectified.
+    photograph: Option<(usize, usize)>,
     snapped: Option<Snapped>,
 }
 
@@ -130,7 +133,13 @@ impl Capture {
             return Err(CaptureError::BadImages { reason });
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: info.name.clone(), reason })?;
-        Ok(Capture { images: Arc::new(Images::Memory(images)), info, corrections: Arc::default(), snapped: None })
+        Ok(Capture {
+            images: Arc::new(Images::Memory(images)),
+            info,
+            corrections: Arc::default(),
+            photograph: None,
+            snapped: None,
+        })
     }
 
     fn open_container(path: &Path, name: String) -> Result<Capture, CaptureError> {
@@ -151,7 +160,7 @@ impl Capture {
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: path.display().to_string(), reason })?;
         let images = Arc::new(Images::Container(Box::new(container)));
-        let capture = Capture { images, info, corrections: Arc::new(corrections), snapped: None };
+        let capture = Capture { images, info, corrections: Arc::new(corrections), photograph: None, snapped: None };
         capture.read(0, 0)?;
         Ok(capture)
     }
@@ -199,16 +208,26 @@ impl Capture {
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: root, reason })?;
         let shots = &grid.shots;
         let is_exposed = shots.iter().flatten().any(|shot| shot.exposure != 1.0);
-        let merged = (is_exposed || reading.black.is_some() || reading.flat.is_some()).then_some(info.transfer);
+        let is_rectified = shots.iter().flatten().any(|shot| shot.homography.is_some());
+        if is_rectified != reading.rectified.is_some() {
+            return Err(CaptureError::NotRectified { path: source.root().display().to_string() });
+        }
+        let merged =
+            (is_exposed || is_rectified || reading.black.is_some() || reading.flat.is_some()).then_some(info.transfer);
         let folder = manifest.map_or(String::new(), |(_, file)| {
             source.names()[file].rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"))
         });
         let images = Arc::new(Images::Files { source, format: grid.format, shots: grid.shots, merged });
-        let mut capture = Capture { images, info, corrections: Arc::default(), snapped };
+        let mut capture = Capture { images, info, corrections: Arc::default(), photograph: None, snapped };
         let pair = capture.info.present_pairs().next().unwrap_or(0);
         let (view, light) = (pair / capture.info.lights.len(), pair % capture.info.lights.len());
         let first = capture.decode(view, light, None)?;
         (capture.info.width, capture.info.height) = (first.width, first.height);
+        // Calibration images are of the files' size, a mask of the texels'.
+        capture.photograph = Some((first.width, first.height));
+        if let Some([width, height]) = reading.rectified {
+            (capture.info.width, capture.info.height) = (width, height);
+        }
         capture.corrections = Arc::new(capture.corrections_of(&reading, &folder)?);
         if merged.is_some() {
             // The images are linear whatever the files are.
@@ -224,7 +243,8 @@ impl Capture {
             Corrections { rows_up: reading.rows_up, saturation: reading.saturation, ..Corrections::default() };
         let Images::Files { source, merged, .. } = &*self.images else { return Ok(found) };
         let transfer = merged.unwrap_or(self.info.transfer);
-        let image = |key: &str, name: &Option<String>| -> Result<Option<(String, DecodedImage)>, CaptureError> {
+        let texels = Some((self.info.width, self.info.height));
+        let image = |key: &str, name: &Option<String>, size| -> Result<Option<(String, DecodedImage)>, CaptureError> {
             let Some(name) = name else { return Ok(None) };
             let place = safe_name(name).map(|name| format!("{folder}{name}"));
             let file = place.and_then(|place| source.names().iter().position(|other| *other == place));
@@ -234,12 +254,12 @@ impl Capture {
                 let reason = format!("capture.toml names it for `{key}`, and it is no image there");
                 return Err(CaptureError::BadImage { path, reason });
             };
-            let mut image = self.decode_file(source, file, format, Some((self.info.width, self.info.height)))?;
-            found.place(&mut image);
+            let mut image = self.decode_file(source, file, format, size)?;
+            found.turn(&mut image);
             Ok(Some((source.shown(file), image)))
         };
-        let black = image("black", &reading.black)?.map(|(_, image)| linear(&image, transfer));
-        let flat = match image("flat", &reading.flat)? {
+        let black = image("black", &reading.black, self.photograph)?.map(|(_, image)| linear(&image, transfer));
+        let flat = match image("flat", &reading.flat, self.photograph)? {
             None => None,
             Some((path, image)) => {
                 let mut flat = linear(&image, transfer);
@@ -247,14 +267,15 @@ impl Capture {
                     flat.iter_mut().zip(black).for_each(|(flat, black)| *flat -= black);
                 }
                 if let Some(at) = flat.iter().position(|value| !(*value >= MIN_FLAT)) {
-                    let (column, row) = (at / 3 % self.info.width, at / 3 / self.info.width);
+                    let width = self.photograph.map_or(1, |(width, _)| width);
+                    let (column, row) = (at / 3 % width, at / 3 / width);
                     let reason = format!("the flat field is dark at column {column}, row {row}");
                     return Err(CaptureError::BadImage { path, reason });
                 }
                 Some(flat)
             }
         };
-        let stand_ins = match image("mask", &reading.mask)? {
+        let stand_ins = match image("mask", &reading.mask, texels)? {
             None => None,
             Some((path, image)) => {
                 let values = linear(&image, Transfer::Linear);
@@ -329,10 +350,21 @@ impl Capture {
             if shots.is_empty() {
                 return Err(CaptureError::NoImage { path: self.path_of(view, light) });
             }
-            let read = |shot: &Shot| Ok((self.decode_file(source, shot.file, *format, size)?, shot.exposure));
-            let mut images = shots.iter().map(read).collect::<Result<Vec<_>, CaptureError>>()?;
-            images.iter_mut().for_each(|(image, _)| self.corrections.place(image));
-            let samples = Samples::F32(self.corrections.merge(&images, *transfer));
+            let lit_of = |shot: &Shot| {
+                let mut image = self.decode_file(source, shot.file, *format, self.photograph)?;
+                self.corrections.turn(&mut image);
+                let pixels = [image.width, image.height];
+                let lit = self.corrections.light(&image, *transfer);
+                let Some(map) = &shot.homography else { return Ok((lit, shot.exposure)) };
+                let texels = [self.info.width, self.info.height];
+                if !is_within(map, texels, pixels) {
+                    let reason = "its map from texels leads out of the picture".to_string();
+                    return Err(CaptureError::BadImage { path: source.shown(shot.file), reason });
+                }
+                Ok((rectify(&lit.0, &lit.1, pixels, map, texels), shot.exposure))
+            };
+            let lit = shots.iter().map(lit_of).collect::<Result<Vec<_>, CaptureError>>()?;
+            let samples = Samples::F32(self.corrections.merge(&lit));
             let (width, height) = (self.info.width, self.info.height);
             return self.pixels(view, light, DecodedImage { width, height, samples });
         }
@@ -381,7 +413,7 @@ impl Capture {
             match fault {
                 ImageFault::Damaged(reason) => CaptureError::BadImage { path, reason },
                 ImageFault::WrongSize { width, height } => {
-                    let (expected_width, expected_height) = (self.info.width, self.info.height);
+                    let (expected_width, expected_height) = size.unwrap_or((self.info.width, self.info.height));
                     CaptureError::WrongSize { path, width, height, expected_width, expected_height }
                 }
             }

@@ -116,6 +116,14 @@ pub enum CaptureError {
         /// Number of lights found in the names.
         lights: usize,
     },
+    /// Maps from texels to pixels without a size of the texels, or the other way round.
+    #[error(
+        "{path} needs both the columns h11 to h33 of its list and `rectified = [columns, rows]` in capture.toml, and has only one of them"
+    )]
+    NotRectified {
+        /// The folder or archive.
+        path: String,
+    },
     /// A pair without an image was asked for.
     #[error("{path} has no image; the capture is incomplete")]
     NoImage {

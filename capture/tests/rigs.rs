@@ -105,6 +105,53 @@ fn poses_of_a_flash_count_as_the_nearest_lights() {
 }
 
 #[test]
+fn photographs_aslant_are_rectified_by_the_maps_of_the_list() {
+    let folder = tempfile::tempdir().unwrap();
+    let (list, toml) = (example("csv", "h11"), example("toml", "rectified"));
+    let manifest = folder.path().join("capture.toml");
+    std::fs::write(folder.path().join("list.csv"), &list).unwrap();
+    std::fs::write(&manifest, &toml).unwrap();
+    // A sample of 32 x 32 texels that fades along both sides, photographed as the list's maps have it.
+    let sample = |x: f64, y: f64| [0.1 + 0.02 * x, 0.1 + 0.015 * y, 0.3].map(|v| v.clamp(0.0, 1.0) as f32);
+    for line in list.lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+        let h: Vec<f64> = fields[5..14].iter().map(|field| field.parse().unwrap()).collect();
+        let picture = RgbImage::from_fn(160, 120, |u, v| {
+            // The place whose map is nearest to the pixel's middle, by Newton's steps on the map's two lines.
+            let (u, v) = (f64::from(u) + 0.5, f64::from(v) + 0.5);
+            let rows = [0, 1].map(|i| {
+                let t = [u, v][i];
+                [h[3 * i] - t * h[6], h[3 * i + 1] - t * h[7], t * h[8] - h[3 * i + 2]]
+            });
+            let area = rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0];
+            let x = (rows[0][2] * rows[1][1] - rows[0][1] * rows[1][2]) / area;
+            let y = (rows[0][0] * rows[1][2] - rows[0][2] * rows[1][0]) / area;
+            let code = |x: f32| (255.0 * Transfer::Srgb.encoded_from_linear(x)).round() as u8;
+            Rgb(sample(x, y).map(code))
+        });
+        let path = folder.path().join(fields[0]);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        picture.save(path).unwrap();
+    }
+    let capture = Capture::open(folder.path()).unwrap();
+    assert_eq!((capture.info().width, capture.info().height, capture.info().pair_count()), (32, 32, 2));
+    for light in 0..2 {
+        for (texel, rgb) in linear(&capture, 0, light).chunks_exact(3).enumerate() {
+            let wanted = sample((texel % 32) as f64 + 0.5, (texel / 32) as f64 + 0.5);
+            assert!(rgb.iter().zip(wanted).all(|(x, y)| (x - y).abs() < 0.015), "{texel}: {rgb:?} {wanted:?}");
+        }
+    }
+    std::fs::write(&manifest, "").unwrap();
+    assert!(refused(folder.path()).contains("rectified = [columns, rows]"));
+    for text in ["rectified = [0, 4]", "rectified = [4]"] {
+        std::fs::write(&manifest, text).unwrap();
+        assert!(refused(folder.path()).contains("two whole numbers"));
+    }
+    std::fs::write(&manifest, "rectified = [320, 32]").unwrap();
+    assert!(refused(folder.path()).contains("leads out of the picture"));
+}
+
+#[test]
 fn black_level_flat_field_mask_and_rows_are_applied() {
     let folder = tempfile::tempdir().unwrap();
     let name = "00000 tl000 pl000 tv000 pv000.png";

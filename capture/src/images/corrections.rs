@@ -25,24 +25,28 @@ pub(crate) struct Corrections {
 }
 
 impl Corrections {
-    /// Turns the rows and fills masked texels, in place.
+    /// Turns the rows and fills masked texels of file values, in place.
     pub fn place(&self, image: &mut DecodedImage) {
-        let width = image.width;
+        self.turn(image);
         match &mut image.samples {
-            Samples::U8(values) => self.place_values(values, width),
-            Samples::U16(values) => self.place_values(values, width),
-            Samples::F32(values) | Samples::Computed(values) => self.place_values(values, width),
+            Samples::U8(values) => self.fill(values),
+            Samples::U16(values) => self.fill(values),
+            Samples::F32(values) | Samples::Computed(values) => self.fill(values),
         }
     }
 
-    fn place_values<T: Copy>(&self, values: &mut [T], width: usize) {
-        if self.rows_up {
-            let rows = values.len() / (3 * width);
-            for row in 0..rows / 2 {
-                let (upper, lower) = values.split_at_mut((rows - 1 - row) * 3 * width);
-                upper[row * 3 * width..][..3 * width].swap_with_slice(&mut lower[..3 * width]);
-            }
+    /// Turns the rows of a file, in place.
+    pub fn turn(&self, image: &mut DecodedImage) {
+        let row = 3 * image.width;
+        match &mut image.samples {
+            _ if !self.rows_up => {}
+            Samples::U8(values) => turn_rows(values, row),
+            Samples::U16(values) => turn_rows(values, row),
+            Samples::F32(values) | Samples::Computed(values) => turn_rows(values, row),
         }
+    }
+
+    fn fill<T: Copy>(&self, values: &mut [T]) {
         for (texel, from) in self.stand_ins.iter().flatten().enumerate() {
             let from = *from as usize;
             if from != texel {
@@ -51,52 +55,59 @@ impl Corrections {
         }
     }
 
-    /// Merges shots of one pair, each with its exposure, to linear values `[texel, channel]` of exposure 1.
-    ///
-    /// Of each sample those shots count that are not saturated: the sum of their light over the sum of their exposures, which
-    /// has the least noise where photons are counted. Where all are saturated the shortest exposure counts, and the value is
-    /// too low.
-    pub fn merge(&self, shots: &[(DecodedImage, f32)], transfer: Transfer) -> Vec<f32> {
-        let count = shots.first().map_or(0, |(image, _)| linear(image, transfer).len());
-        let mut light = vec![0.0f32; count];
-        let mut time = vec![0.0f32; count];
-        let mut shortest: Option<(Vec<f32>, f32)> = None;
-        for (image, exposure) in shots {
-            let mut values = linear(image, transfer);
-            if let Some(black) = &self.black {
-                values.iter_mut().zip(black).for_each(|(x, black)| *x -= black);
-            }
-            for (i, x) in values.iter().enumerate().filter(|(i, _)| !self.is_saturated(image, *i)) {
-                light[i] += x;
-                time[i] += exposure;
-            }
-            if shortest.as_ref().is_none_or(|(_, least)| exposure < least) {
-                shortest = Some((values, *exposure));
-            }
+    /// Returns the light of a file whose rows are turned, `[pixel, channel]`, less the black level and over the flat field, and
+    /// which samples are not saturated.
+    pub fn light(&self, image: &DecodedImage, transfer: Transfer) -> (Vec<f32>, Vec<bool>) {
+        let mut values = linear(image, transfer);
+        if let Some(black) = &self.black {
+            values.iter_mut().zip(black).for_each(|(x, black)| *x -= black);
         }
-        if let Some((values, exposure)) = shortest {
-            for (i, x) in values.iter().enumerate().filter(|(i, _)| time[*i] == 0.0).collect::<Vec<_>>() {
-                (light[i], time[i]) = (*x, exposure);
-            }
-        }
-        light.iter_mut().zip(&time).for_each(|(light, time)| *light /= time);
         if let Some(flat) = &self.flat {
-            light.iter_mut().zip(flat).for_each(|(x, flat)| *x /= flat);
+            values.iter_mut().zip(flat).for_each(|(x, flat)| *x /= flat);
         }
-        // Noise below the black level; a sample that is no number is told by who reads it.
-        light.iter_mut().filter(|x| **x < 0.0).for_each(|x| *x = 0.0);
-        light
+        let valid = (0..values.len()).map(|i| !self.is_saturated(image, i)).collect();
+        (values, valid)
+    }
+
+    /// Merges the light of a pair's photographs, the shortest exposure first, to linear values `[texel, channel]` of exposure 1.
+    ///
+    /// Of each sample those count that are not saturated: the sum of their light over the sum of their exposures, which has the
+    /// least noise where photons are counted. Where all are saturated the shortest exposure counts, and the value is too low.
+    pub fn merge(&self, shots: &[((Vec<f32>, Vec<bool>), f32)]) -> Vec<f32> {
+        let Some(((first, _), least)) = shots.first() else { return Vec::new() };
+        let mut merged: Vec<f32> = (0..first.len())
+            .map(|i| {
+                let (mut light, mut time) = (0.0, 0.0);
+                for ((values, _), exposure) in shots.iter().filter(|((_, valid), _)| valid[i]) {
+                    light += values[i];
+                    time += exposure;
+                }
+                let value = if time > 0.0 { light / time } else { first[i] / least };
+                // Noise below the black level; a sample that is no number is told by who reads it.
+                if value < 0.0 { 0.0 } else { value }
+            })
+            .collect();
+        self.fill(&mut merged);
+        merged
     }
 
     fn is_saturated(&self, image: &DecodedImage, i: usize) -> bool {
-        let bits = self.saturation.unwrap_or(SATURATION);
+        let share = self.saturation.unwrap_or(SATURATION);
         match &image.samples {
-            Samples::U8(values) => f32::from(values[i]) >= 255.0 * bits,
-            Samples::U16(values) => f32::from(values[i]) >= 65535.0 * bits,
+            Samples::U8(values) => f32::from(values[i]) >= 255.0 * share,
+            Samples::U16(values) => f32::from(values[i]) >= 65535.0 * share,
             Samples::F32(values) | Samples::Computed(values) => {
                 self.saturation.is_some_and(|saturation| values[i] >= saturation)
             }
         }
+    }
+}
+
+fn turn_rows<T>(values: &mut [T], row: usize) {
+    let rows = values.len() / row;
+    for number in 0..rows / 2 {
+        let (upper, lower) = values.split_at_mut((rows - 1 - number) * row);
+        upper[number * row..][..row].swap_with_slice(&mut lower[..row]);
     }
 }
 
@@ -158,16 +169,23 @@ mod tests {
             (image(Samples::U16(codes)), exposure)
         };
         let corrections = Corrections { black: Some(vec![black; 12]), ..Corrections::default() };
-        let merged = corrections.merge(&[shot(1.0), shot(0.125), shot(8.0)], Transfer::Linear);
+        let merge = |corrections: &Corrections, exposures: &[f32]| {
+            let lit = |exposure: &f32| {
+                let (image, exposure) = shot(*exposure);
+                (corrections.light(&image, Transfer::Linear), exposure)
+            };
+            corrections.merge(&exposures.iter().map(lit).collect::<Vec<_>>())
+        };
+        let merged = merge(&corrections, &[0.125, 1.0, 8.0]);
         for (merged, light) in merged.iter().zip(&light) {
             assert!((merged - light).abs() < 0.01 * light, "{merged} {light}");
         }
         // The shortest exposure of all that are saturated; with one alone the brightest is cut.
-        let one = corrections.merge(&[shot(1.0)], Transfer::Linear);
+        let one = merge(&corrections, &[1.0]);
         assert!((one[11] - 0.99).abs() < 1e-3 && light[11] > 2.0, "{}", one[11]);
         // Planted: saturated samples that count.
-        let blind = Corrections { saturation: Some(2.0), ..corrections };
-        let wrong = blind.merge(&[shot(1.0), shot(0.125), shot(8.0)], Transfer::Linear);
+        let blind = Corrections { saturation: Some(2.0), ..corrections.clone() };
+        let wrong = merge(&blind, &[0.125, 1.0, 8.0]);
         assert!(wrong[11] < 0.5 * light[11], "{}", wrong[11]);
     }
 
@@ -177,7 +195,7 @@ mod tests {
         let codes: Vec<f32> = vignette.iter().flat_map(|v| [0.1 * v, 0.2 * v, 0.4 * v]).collect();
         let flat = Some(vignette.iter().flat_map(|v| [*v; 3]).collect());
         let corrections = Corrections { flat, ..Corrections::default() };
-        let merged = corrections.merge(&[(image(Samples::F32(codes)), 1.0)], Transfer::Linear);
+        let merged = corrections.merge(&[(corrections.light(&image(Samples::F32(codes)), Transfer::Linear), 1.0)]);
         assert!(merged.chunks_exact(3).all(|rgb| (rgb[0] - 0.1).abs() < 1e-6 && (rgb[2] - 0.4).abs() < 1e-6));
     }
 

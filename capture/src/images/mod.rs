@@ -5,6 +5,7 @@ pub(crate) mod decoded;
 pub(crate) mod encode8;
 pub(crate) mod exr;
 pub(crate) mod file_format;
+pub(crate) mod homography;
 pub(crate) mod jpg;
 pub(crate) mod png;
 pub(crate) mod radiance;

@@ -70,7 +70,7 @@ pub(crate) fn find_images(source: &Source) -> Vec<GridImage> {
     names
         .filter_map(|(file, name)| {
             let (light, view, format) = parse_name(name)?;
-            Some(GridImage { file, light, view, format, exposure: 1.0 })
+            Some(GridImage { file, light, view, format, exposure: 1.0, homography: None })
         })
         .collect()
 }

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use crate::direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 use crate::error::CaptureError;
 use crate::images::file_format::FileFormat;
+use crate::images::homography::Homography;
 use crate::layout::source::Source;
 
 /// An image of a source, with its pair of directions.
@@ -17,6 +18,8 @@ pub(crate) struct GridImage {
     pub format: FileFormat,
     /// Exposure relative to the capture's other images, above 0; 1 where none is told.
     pub exposure: f32,
+    /// Map from texels to the image's pixels, where it is to be rectified.
+    pub homography: Option<Homography>,
 }
 
 /// A photograph of a pair.
@@ -24,8 +27,9 @@ pub(crate) struct GridImage {
 pub(crate) struct Shot {
     /// Index of the file in the source.
     pub file: usize,
-    /// Exposure, see [`GridImage::exposure`].
+    /// Exposure and map, see [`GridImage`].
     pub exposure: f32,
+    pub homography: Option<Homography>,
 }
 
 /// Sets of views and lights that images form.
@@ -94,7 +98,7 @@ pub(crate) fn grid_of(
                 second: source.shown(image.file),
             });
         }
-        shots.push(Shot { file: image.file, exposure: image.exposure });
+        shots.push(Shot { file: image.file, exposure: image.exposure, homography: image.homography });
     }
     shots_of_pair.values_mut().for_each(|shots| shots.sort_by(|a, b| a.exposure.total_cmp(&b.exposure)));
     let format = images[0].format;

@@ -2,7 +2,7 @@
 //!
 //! The first line names the columns. `file` must be among them, and for view and light either the angles `theta_v`, `phi_v`,
 //! `theta_l` and `phi_l` in degrees, or the places `x_v`, `y_v`, `z_v`, `x_l`, `y_l` and `z_l` of camera and lamp about the
-//! sample's middle. `exposure` may be there. Commas, semicolons or tabs separate values. A value that contains a separator stands in
+//! sample's middle. `exposure` may be there, and `h11` to `h33`, a map from texels to pixels. Commas, semicolons or tabs separate values. A value that contains a separator stands in
 //! quotes, and a quote in it is doubled. Empty lines and lines that start with `#` are ignored.
 
 use std::collections::{HashMap, HashSet};
@@ -22,6 +22,7 @@ const MAX_LIST_BYTES: u64 = 32 << 20;
 /// The columns of a list; it has those of each direction's angles or of its place.
 const FILE: &str = "file";
 const EXPOSURE: &str = "exposure";
+const HOMOGRAPHY: [&str; 9] = ["h11", "h12", "h13", "h21", "h22", "h23", "h31", "h32", "h33"];
 const VIEW: [[&str; 3]; 2] = [["theta_v", "phi_v", ""], ["x_v", "y_v", "z_v"]];
 const LIGHT: [[&str; 3]; 2] = [["theta_l", "phi_l", ""], ["x_l", "y_l", "z_l"]];
 
@@ -39,6 +40,7 @@ struct List {
     separator: char,
     file: usize,
     exposure: Option<usize>,
+    homography: Option<[usize; 9]>,
     view: Columns,
     light: Columns,
     /// Line of the columns' names, from 1.
@@ -104,13 +106,23 @@ fn open(source: &Source, file: usize) -> Result<Result<List, String>, CaptureErr
         let columns = kind.iter().map(|column| Ok((must(column)?, *column)));
         columns.collect::<Result<_, String>>().map(Columns)
     };
-    let columns = || Ok::<_, String>((must(FILE)?, find(EXPOSURE)?, direction(VIEW)?, direction(LIGHT)?));
-    let (file_at, exposure, view, light) = match columns() {
+    let map = || -> Result<Option<[usize; 9]>, String> {
+        if find(HOMOGRAPHY[0])?.is_none() {
+            return Ok(None);
+        }
+        let mut places = [0; 9];
+        for (place, column) in places.iter_mut().zip(HOMOGRAPHY) {
+            *place = must(column)?;
+        }
+        Ok(Some(places))
+    };
+    let columns = || Ok::<_, String>((must(FILE)?, find(EXPOSURE)?, map()?, direction(VIEW)?, direction(LIGHT)?));
+    let (file_at, exposure, homography, view, light) = match columns() {
         Ok(found) => found,
         Err(reason) => return Ok(Err(reason)),
     };
     let folder = source.names()[file].rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"));
-    Ok(Ok(List { shown, folder, text, separator, file: file_at, exposure, view, light, heading }))
+    Ok(Ok(List { shown, folder, text, separator, file: file_at, exposure, homography, view, light, heading }))
 }
 
 fn rounded(degrees: f64) -> f64 {
@@ -183,7 +195,17 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
                 exposure => return Err(bad(format!("`exposure` is {exposure}; it is above 0, such as seconds"))),
             },
         };
-        images.push(GridImage { file, light, view, format, exposure });
+        let homography = match list.homography {
+            None => None,
+            Some(places) => {
+                let mut map = [0.0; 9];
+                for ((entry, place), column) in map.iter_mut().zip(places).zip(HOMOGRAPHY) {
+                    *entry = number(place, column, "a number")?;
+                }
+                Some(map)
+            }
+        };
+        images.push(GridImage { file, light, view, format, exposure, homography });
     }
     if images.is_empty() {
         let reason = "no image follows the names of the columns".to_string();

@@ -9,6 +9,9 @@ use crate::info::{CaptureInfo, ImageFormat};
 /// Name of the manifest, beside the view folders.
 pub(crate) const MANIFEST_NAME: &str = "capture.toml";
 
+/// Largest side of rectified images, texels.
+const MAX_SIDE: usize = 8192;
+
 /// Largest manifest that is read, in bytes.
 pub(crate) const MAX_MANIFEST_BYTES: u64 = 1 << 20;
 
@@ -46,6 +49,9 @@ struct Manifest {
     /// Image of a white target under the same light.
     #[serde(skip_serializing_if = "Option::is_none")]
     flat: Option<toml::Spanned<String>>,
+    /// Texels a row and rows of images that are rectified.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rectified: Option<toml::Spanned<Vec<usize>>>,
     /// Image that is black where texels are invalid.
     #[serde(skip_serializing_if = "Option::is_none")]
     mask: Option<toml::Spanned<String>>,
@@ -72,6 +78,8 @@ pub(crate) struct Reading {
     pub black: Option<String>,
     pub flat: Option<String>,
     pub mask: Option<String>,
+    /// Texels a row and rows of images that are rectified.
+    pub rectified: Option<[usize; 2]>,
     /// Share of the largest file value from which on a sample is saturated.
     pub saturation: Option<f32>,
     /// Directions that images count as.
@@ -100,10 +108,23 @@ pub(crate) fn reading(text: &str, path: &str) -> Result<Reading, CaptureError> {
     if let Some(share) = manifest.saturation.as_ref().filter(|share| !(*share.get_ref() > 0.0)) {
         return Err(bad(share.span().start, "saturation must be above 0".into()));
     }
+    let rectified = match &manifest.rectified {
+        None => None,
+        Some(sides) => match sides.get_ref()[..] {
+            [width, height] if (1..=MAX_SIDE).contains(&width) && (1..=MAX_SIDE).contains(&height) => {
+                Some([width, height])
+            }
+            _ => {
+                let reason = format!("rectified must be two whole numbers of texels, 1 to {MAX_SIDE}");
+                return Err(bad(sides.span().start, reason));
+            }
+        },
+    };
     let name = |key: Option<toml::Spanned<String>>| key.map(toml::Spanned::into_inner);
     Ok(Reading {
         incomplete: manifest.incomplete == Some(true),
         rows_up,
+        rectified,
         saturation: manifest.saturation.map(|share| share.into_inner() as f32),
         black: name(manifest.black),
         flat: name(manifest.flat),
@@ -203,6 +224,7 @@ pub(crate) fn to_text(info: &CaptureInfo) -> Result<String, String> {
         size_mm: info.size_mm.map(|size| toml::Spanned::new(0..0, size.map(number).to_vec())),
         incomplete: (!info.missing.is_empty()).then_some(true),
         rows: None,
+        rectified: None,
         black: None,
         flat: None,
         mask: None,
