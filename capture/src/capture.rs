@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::colour::transfer::Transfer;
 use crate::error::CaptureError;
-use crate::images::corrections::{Corrections, MIN_FLAT, linear, nearest_valid};
+use crate::images::corrections::{Corrections, Light, MIN_FLAT, linear, nearest_valid};
 use crate::images::decoded::{DecodedImage, ImageFault, Samples};
 use crate::images::file_format::{self, FileFormat};
 use crate::images::homography::{is_within, rectify};
@@ -128,6 +128,9 @@ impl Capture {
             let reason = format!("{} columns and {} rows: give at least one texel", info.width, info.height);
             return Err(CaptureError::BadImages { reason });
         }
+        if !info.missing.is_empty() {
+            return Err(CaptureError::BadImages { reason: "images in memory are of all pairs".into() });
+        }
         if info.format != ImageFormat::Exr || images.len() != expected {
             let reason = format!("{} values, where directions and size ask for {expected}", images.len());
             return Err(CaptureError::BadImages { reason });
@@ -156,7 +159,13 @@ impl Capture {
             let shown = beside.display().to_string();
             let text = text_of_manifest(bytes, &shown)?;
             manifest::apply(&text, &shown, &mut info)?;
-            corrections.rows_up = manifest::reading(&text, &shown)?.rows_up;
+            let reading = manifest::reading(&text, &shown)?;
+            if reading.is_of_files() {
+                let reason = "a UBO2014 file takes none of incomplete, views, lights, black, flat, mask, saturation and \
+                              rectified; remove these keys";
+                return Err(CaptureError::BadKeys { path: shown, reason: reason.into() });
+            }
+            corrections.rows_up = reading.rows_up;
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: path.display().to_string(), reason })?;
         let images = Arc::new(Images::Container(Box::new(container)));
@@ -209,6 +218,11 @@ impl Capture {
         let shots = &grid.shots;
         let is_exposed = shots.iter().flatten().any(|shot| shot.exposure != 1.0);
         let is_rectified = shots.iter().flatten().any(|shot| shot.homography.is_some());
+        if is_rectified && reading.rows_up {
+            let reason =
+                "rows = \"up\" and rectified cannot both be; write maps for the pictures as they are".to_string();
+            return Err(CaptureError::BadKeys { path: source.root().display().to_string(), reason });
+        }
         if is_rectified != reading.rectified.is_some() {
             return Err(CaptureError::NotRectified { path: source.root().display().to_string() });
         }
@@ -241,7 +255,7 @@ impl Capture {
     fn corrections_of(&self, reading: &Reading, folder: &str) -> Result<Corrections, CaptureError> {
         let mut found =
             Corrections { rows_up: reading.rows_up, saturation: reading.saturation, ..Corrections::default() };
-        let Images::Files { source, merged, .. } = &*self.images else { return Ok(found) };
+        let Images::Files { source, merged, format: photographs, .. } = &*self.images else { return Ok(found) };
         let transfer = merged.unwrap_or(self.info.transfer);
         let texels = Some((self.info.width, self.info.height));
         let image = |key: &str, name: &Option<String>, size| -> Result<Option<(String, DecodedImage)>, CaptureError> {
@@ -254,11 +268,24 @@ impl Capture {
                 let reason = format!("capture.toml names it for `{key}`, and it is no image there");
                 return Err(CaptureError::BadImage { path, reason });
             };
+            if key != "mask" && format != *photographs {
+                let reason = format!("the photographs are of another format; give `{key}` in theirs");
+                return Err(CaptureError::BadImage { path: source.shown(file), reason });
+            }
             let mut image = self.decode_file(source, file, format, size)?;
             found.turn(&mut image);
             Ok(Some((source.shown(file), image)))
         };
-        let black = image("black", &reading.black, self.photograph)?.map(|(_, image)| linear(&image, transfer));
+        let black = match image("black", &reading.black, self.photograph)? {
+            None => None,
+            Some((path, image)) => {
+                let black = linear(&image, transfer);
+                if black.iter().any(|value| !value.is_finite()) {
+                    return Err(CaptureError::BadImage { path, reason: "it holds values that are no numbers".into() });
+                }
+                Some(black)
+            }
+        };
         let flat = match image("flat", &reading.flat, self.photograph)? {
             None => None,
             Some((path, image)) => {
@@ -266,10 +293,10 @@ impl Capture {
                 if let Some(black) = &black {
                     flat.iter_mut().zip(black).for_each(|(flat, black)| *flat -= black);
                 }
-                if let Some(at) = flat.iter().position(|value| !(*value >= MIN_FLAT)) {
+                if let Some(at) = flat.iter().position(|value| !(MIN_FLAT..f32::INFINITY).contains(value)) {
                     let width = self.photograph.map_or(1, |(width, _)| width);
                     let (column, row) = (at / 3 % width, at / 3 / width);
-                    let reason = format!("the flat field is dark at column {column}, row {row}");
+                    let reason = format!("the flat field is dark, or no number, at column {column}, row {row}");
                     return Err(CaptureError::BadImage { path, reason });
                 }
                 Some(flat)
@@ -354,14 +381,15 @@ impl Capture {
                 let mut image = self.decode_file(source, shot.file, *format, self.photograph)?;
                 self.corrections.turn(&mut image);
                 let pixels = [image.width, image.height];
-                let lit = self.corrections.light(&image, *transfer);
-                let Some(map) = &shot.homography else { return Ok((lit, shot.exposure)) };
+                let light = self.corrections.light(&image, *transfer, shot.exposure);
+                let Some(map) = &shot.homography else { return Ok(light) };
                 let texels = [self.info.width, self.info.height];
                 if !is_within(map, texels, pixels) {
                     let reason = "its map from texels leads out of the picture".to_string();
                     return Err(CaptureError::BadImage { path: source.shown(shot.file), reason });
                 }
-                Ok((rectify(&lit.0, &lit.1, pixels, map, texels), shot.exposure))
+                let (values, valid) = rectify(&light.values, &light.valid, pixels, map, texels);
+                Ok(Light { values, valid, ..light })
             };
             let lit = shots.iter().map(lit_of).collect::<Result<Vec<_>, CaptureError>>()?;
             let samples = Samples::F32(self.corrections.merge(&lit));

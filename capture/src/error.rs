@@ -116,6 +116,28 @@ pub enum CaptureError {
         /// Number of lights found in the names.
         lights: usize,
     },
+    /// An incomplete capture whose images hardly share a view or a light.
+    #[error(
+        "{path} has {images} images of {views} views and {lights} lights, too few for so many pairs; write the views and lights that images count as in capture.toml, such as views = \"bonn81\""
+    )]
+    TooSparse {
+        /// The folder or archive.
+        path: String,
+        /// Number of images.
+        images: usize,
+        /// Number of views.
+        views: usize,
+        /// Number of lights.
+        lights: usize,
+    },
+    /// Keys of `capture.toml` that a capture of this kind does not take.
+    #[error("{path}: {reason}")]
+    BadKeys {
+        /// The manifest.
+        path: String,
+        /// Which keys, and the remedy.
+        reason: String,
+    },
     /// Maps from texels to pixels without a size of the texels, or the other way round.
     #[error(
         "{path} needs both the columns h11 to h33 of its list and `rectified = [columns, rows]` in capture.toml, and has only one of them"

@@ -126,7 +126,8 @@ impl CaptureWriter {
     /// [`CaptureError::BadOutput`] if an image was never written, [`CaptureError::OutputNotEmpty`]
     /// if something else filled the folder meanwhile, [`CaptureError::Write`]; nothing is left.
     pub fn finish(self) -> Result<(), CaptureError> {
-        let missing = self.written.iter().filter(|written| !written.load(Ordering::Relaxed)).count();
+        let is_lacking = |pair: &usize| self.info.has_image(*pair) && !self.written[*pair].load(Ordering::Relaxed);
+        let missing = (0..self.written.len()).filter(is_lacking).count();
         let refused = |reason: String| CaptureError::BadOutput { path: self.path.clone(), reason };
         if missing > 0 {
             return Err(refused(format!("{missing} of its {} images were never written", self.written.len())));

@@ -87,6 +87,27 @@ fn poses_of_a_flash_count_as_the_nearest_lights() {
     let capture = Capture::open(folder.path()).unwrap();
     assert_eq!((capture.snapped().unwrap().left_out, capture.info().lights.len()), (1, 3));
     assert!(capture.path_of(0, 0).ends_with("0002.png"), "{}", capture.path_of(0, 0));
+    // Two poses are no two exposures of one: the farther one is left out, whatever its exposure.
+    let exposed: String = list
+        .replace("310,   -40,   420", "0,     0,     500")
+        .lines()
+        .enumerate()
+        .map(|(i, line)| format!("{line}, {}\n", if i == 0 { "exposure".into() } else { i.to_string() }))
+        .collect();
+    std::fs::write(folder.path().join("flashes.csv"), exposed).unwrap();
+    let capture = Capture::open(folder.path()).unwrap();
+    assert_eq!(capture.snapped().unwrap().left_out, 1);
+    let light = linear(&capture, 0, 0)[0];
+    assert!((light - 0.2 / 2.0).abs() < 0.003, "{light}");
+    // Poses that share no view and no light make no grid.
+    (0..300).for_each(|i| write(&folder.path().join(format!("flash/{i}.png")), |_, _| [0.5; 3]));
+    std::fs::write(&manifest, "incomplete = true").unwrap();
+    let distinct: String = (0..300).map(|i| format!("flash/{i}.png, {0}, 0, {0}, 0\n", 0.2 * f64::from(i))).collect();
+    std::fs::write(folder.path().join("flashes.csv"), format!("file, theta_v, phi_v, theta_l, phi_l\n{distinct}"))
+        .unwrap();
+    assert!(refused(folder.path()).contains("views = \"bonn81\""));
+    std::fs::write(&manifest, &toml).unwrap();
+
     std::fs::write(folder.path().join("flashes.csv"), list.replace("3,   0,   600", "300, 0,   400")).unwrap();
     std::fs::write(&manifest, toml.replace("[[0, 0]]", "[[0, 0], [30, 0]]")).unwrap();
     let capture = Capture::open(folder.path()).unwrap();

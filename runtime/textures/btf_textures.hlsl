@@ -30,7 +30,9 @@ float3 btf(float2 uv, float lod, float3 wi, float3 wo) {
     float3 ids = btf_table(64 + cell.y * 64 + cell.x).xyz;
     float2 a = btf_table(4160 + int(ids.x)).xy;
     float2 e = btf_table(4160 + int(ids.y)).xy - a, f = btf_table(4160 + int(ids.z)).xy - a, p = wo.xy - a;
-    float2 w = float2(p.x * f.y - p.y * f.x, e.x * p.y - e.y * p.x) / (e.x * f.y - e.y * f.x);
+    float area = e.x * f.y - e.y * f.x; // 0 where all views are on a line
+    float2 w = float2(p.x * f.y - p.y * f.x, e.x * p.y - e.y * p.x) / area;
+    if (abs(area) < 1e-9) w = float2(clamp(dot(p, e) / max(dot(e, e), 1e-9), 0.0, 1.0), 0.0);
     float3 weight = max(float3(1.0 - w.x - w.y, w), 0.0);
     weight /= weight.x + weight.y + weight.z;
     // The light's place in the tiles of these views.

@@ -123,7 +123,10 @@ class Material:
         a, e, f = self.views[ids[0]], self.views[ids[1]] - self.views[ids[0]], self.views[ids[2]] - self.views[ids[0]]
         p = np.asarray(wo[:2]) - a
         area = e[0] * f[1] - e[1] * f[0]
-        w1, w2 = (p[0] * f[1] - p[1] * f[0]) / area, (e[0] * p[1] - e[1] * p[0]) / area
+        if abs(area) < 1e-9:
+            w1, w2 = min(1.0, max(0.0, p @ e / max(e @ e, 1e-9))), 0.0
+        else:
+            w1, w2 = (p[0] * f[1] - p[1] * f[0]) / area, (e[0] * p[1] - e[1] * p[0]) / area
         weights = np.maximum([1 - w1 - w2, w1, w2], 0)
         weights /= weights.sum()
         x, y = (t / (self.radius * math.sqrt(1 + wi[2])) for t in wi[:2])

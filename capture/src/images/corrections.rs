@@ -1,6 +1,7 @@
 //! Corrections of photographs before they are reflectance: black level, flat field, exposures merged to one image, texels that
 //! are masked out, the order of the rows.
 
+use crate::capture::MIN_LINEAR;
 use crate::colour::transfer::Transfer;
 use crate::images::decoded::{DecodedImage, Samples};
 
@@ -8,6 +9,17 @@ use crate::images::decoded::{DecodedImage, Samples};
 pub(crate) const SATURATION: f32 = 0.98;
 /// Least difference between flat field and black level, of linear values.
 pub(crate) const MIN_FLAT: f32 = 1e-4;
+
+/// The light of a photograph.
+#[derive(Debug, Clone)]
+pub(crate) struct Light {
+    /// Linear values, `[texel, channel]`, of the photograph's exposure.
+    pub values: Vec<f32>,
+    /// Which of them are not saturated.
+    pub valid: Vec<bool>,
+    /// Exposure, above 0.
+    pub exposure: f32,
+}
 
 /// How the images of a capture are corrected.
 #[derive(Debug, Clone, Default)]
@@ -55,9 +67,8 @@ impl Corrections {
         }
     }
 
-    /// Returns the light of a file whose rows are turned, `[pixel, channel]`, less the black level and over the flat field, and
-    /// which samples are not saturated.
-    pub fn light(&self, image: &DecodedImage, transfer: Transfer) -> (Vec<f32>, Vec<bool>) {
+    /// Returns the light of a file whose rows are turned, less the black level and over the flat field.
+    pub fn light(&self, image: &DecodedImage, transfer: Transfer, exposure: f32) -> Light {
         let mut values = linear(image, transfer);
         if let Some(black) = &self.black {
             values.iter_mut().zip(black).for_each(|(x, black)| *x -= black);
@@ -66,25 +77,25 @@ impl Corrections {
             values.iter_mut().zip(flat).for_each(|(x, flat)| *x /= flat);
         }
         let valid = (0..values.len()).map(|i| !self.is_saturated(image, i)).collect();
-        (values, valid)
+        Light { values, valid, exposure }
     }
 
     /// Merges the light of a pair's photographs, the shortest exposure first, to linear values `[texel, channel]` of exposure 1.
     ///
     /// Of each sample those count that are not saturated: the sum of their light over the sum of their exposures, which has the
     /// least noise where photons are counted. Where all are saturated the shortest exposure counts, and the value is too low.
-    pub fn merge(&self, shots: &[((Vec<f32>, Vec<bool>), f32)]) -> Vec<f32> {
-        let Some(((first, _), least)) = shots.first() else { return Vec::new() };
-        let mut merged: Vec<f32> = (0..first.len())
+    pub fn merge(&self, shots: &[Light]) -> Vec<f32> {
+        let Some(shortest) = shots.first() else { return Vec::new() };
+        let mut merged: Vec<f32> = (0..shortest.values.len())
             .map(|i| {
                 let (mut light, mut time) = (0.0, 0.0);
-                for ((values, _), exposure) in shots.iter().filter(|((_, valid), _)| valid[i]) {
-                    light += values[i];
-                    time += exposure;
+                for shot in shots.iter().filter(|shot| shot.valid[i]) {
+                    light += shot.values[i];
+                    time += shot.exposure;
                 }
-                let value = if time > 0.0 { light / time } else { first[i] / least };
+                let value = if time > 0.0 { light / time } else { shortest.values[i] / shortest.exposure };
                 // Noise below the black level; a sample that is no number is told by who reads it.
-                if value < 0.0 { 0.0 } else { value }
+                if value < MIN_LINEAR { MIN_LINEAR } else { value }
             })
             .collect();
         self.fill(&mut merged);
@@ -172,7 +183,7 @@ mod tests {
         let merge = |corrections: &Corrections, exposures: &[f32]| {
             let lit = |exposure: &f32| {
                 let (image, exposure) = shot(*exposure);
-                (corrections.light(&image, Transfer::Linear), exposure)
+                corrections.light(&image, Transfer::Linear, exposure)
             };
             corrections.merge(&exposures.iter().map(lit).collect::<Vec<_>>())
         };
@@ -195,7 +206,7 @@ mod tests {
         let codes: Vec<f32> = vignette.iter().flat_map(|v| [0.1 * v, 0.2 * v, 0.4 * v]).collect();
         let flat = Some(vignette.iter().flat_map(|v| [*v; 3]).collect());
         let corrections = Corrections { flat, ..Corrections::default() };
-        let merged = corrections.merge(&[(corrections.light(&image(Samples::F32(codes)), Transfer::Linear), 1.0)]);
+        let merged = corrections.merge(&[corrections.light(&image(Samples::F32(codes)), Transfer::Linear, 1.0)]);
         assert!(merged.chunks_exact(3).all(|rgb| (rgb[0] - 0.1).abs() < 1e-6 && (rgb[2] - 0.4).abs() < 1e-6));
     }
 

@@ -8,6 +8,9 @@ use crate::images::file_format::FileFormat;
 use crate::images::homography::Homography;
 use crate::layout::source::Source;
 
+/// Pairs that views and lights of an incomplete capture make for each image, at most.
+const MAX_PAIRS_AN_IMAGE: usize = 200;
+
 /// An image of a source, with its pair of directions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GridImage {
@@ -43,8 +46,8 @@ pub(crate) struct Grid {
 }
 
 /// Gives the images of a capture whose directions differ from view to view those of `views` and `lights` that are nearest. Of
-/// images that come to the same pair and exposure the nearest stays. Returns the largest angle in degrees by which a direction
-/// was moved, and how many images were left out.
+/// poses that come to the same pair the nearest stays, with all of its exposures. Returns the largest angle in degrees by which a
+/// direction was moved, and how many images were left out.
 pub(crate) fn snap(
     images: &mut Vec<GridImage>,
     views: Option<&DirectionSet>,
@@ -60,22 +63,27 @@ pub(crate) fn snap(
         let found = set.directions().iter().min_by(|a, b| angle(a).total_cmp(&angle(b)));
         found.map_or((direction, 0.0), |found| (*found, angle(found)))
     };
-    let mut moved: Vec<(f64, GridImage)> = images
+    let bits = |d: Direction| [d.theta_deg.to_bits(), d.phi_deg.to_bits()];
+    let pair = |image: &GridImage| [bits(image.view), bits(image.light)];
+    // Angle, pair that the image counts as, pose.
+    let moved: Vec<(f64, GridImage, _)> = images
         .iter()
         .map(|image| {
             let ((view, by_view), (light, by_light)) = (nearest(image.view, views), nearest(image.light, lights));
-            (f64::max(by_view, by_light), GridImage { view, light, ..*image })
+            (f64::max(by_view, by_light), GridImage { view, light, ..*image }, pair(image))
         })
         .collect();
-    let bits = |d: Direction| (d.theta_deg.to_bits(), d.phi_deg.to_bits());
-    let key = |image: &GridImage| (bits(image.view), bits(image.light), image.exposure.to_bits());
-    // The nearest first; equals in the order of the files.
-    moved.sort_by(|a, b| key(&a.1).cmp(&key(&b.1)).then(a.0.total_cmp(&b.0)).then(a.1.file.cmp(&b.1.file)));
-    let count = moved.len();
-    moved.dedup_by(|next, kept| key(&next.1) == key(&kept.1));
-    let largest = moved.iter().fold(0.0f64, |most, (by, _)| most.max(*by));
-    *images = moved.iter().map(|(_, image)| *image).collect();
-    (largest, count - moved.len())
+    let mut best = HashMap::new();
+    for (by, image, pose) in &moved {
+        let kept = best.entry(pair(image)).or_insert((*by, *pose));
+        if by < &kept.0 {
+            *kept = (*by, *pose);
+        }
+    }
+    let kept: Vec<_> = moved.into_iter().filter(|(_, image, pose)| best[&pair(image)].1 == *pose).collect();
+    let (largest, before) = (kept.iter().fold(0.0f64, |most, (by, ..)| most.max(*by)), images.len());
+    *images = kept.into_iter().map(|(_, image, _)| image).collect();
+    (largest, before - images.len())
 }
 
 /// Orders `images`, at least one, as a grid. `missing_name` names the image that a pair lacks, from the grid (without
@@ -122,6 +130,14 @@ pub(crate) fn grid_of(
     let (view_count, light_count) = (grid.views.len(), grid.lights.len());
     let expected_count = view_count * light_count;
     let missing = expected_count - shots_of_pair.len();
+    if incomplete && expected_count > MAX_PAIRS_AN_IMAGE * images.len() {
+        return Err(CaptureError::TooSparse {
+            path: root,
+            images: images.len(),
+            views: view_count,
+            lights: light_count,
+        });
+    }
     let pairs = || (0..view_count).flat_map(|view| (0..light_count).map(move |light| (view, light)));
     let shots_of = |(view, light): (usize, usize)| {
         shots_of_pair.get(&(key(grid.lights.directions()[light]), key(grid.views.directions()[view]))).cloned()

@@ -192,7 +192,9 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
             None => 1.0,
             Some(place) => match number(place, EXPOSURE, "a number")? {
                 exposure if (1e-9..=1e9).contains(&exposure) => exposure as f32,
-                exposure => return Err(bad(format!("`exposure` is {exposure}; it is above 0, such as seconds"))),
+                exposure => {
+                    return Err(bad(format!("`exposure` is {exposure}; it goes from 1e-9 to 1e9, such as seconds")));
+                }
             },
         };
         let homography = match list.homography {

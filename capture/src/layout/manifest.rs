@@ -87,6 +87,15 @@ pub(crate) struct Reading {
     pub lights: Option<DirectionSet>,
 }
 
+impl Reading {
+    /// Returns whether any key is there that only captures of image files take.
+    pub fn is_of_files(&self) -> bool {
+        let names = [&self.black, &self.flat, &self.mask].iter().any(|name| name.is_some());
+        let sets = self.views.is_some() || self.lights.is_some();
+        self.incomplete || names || sets || self.rectified.is_some() || self.saturation.is_some()
+    }
+}
+
 /// Returns the keys in `text` that say how files are read. `path` is for messages.
 pub(crate) fn reading(text: &str, path: &str) -> Result<Reading, CaptureError> {
     let (manifest, bad) = parsed(text, path)?;
@@ -105,7 +114,9 @@ pub(crate) fn reading(text: &str, path: &str) -> Result<Reading, CaptureError> {
             return Err(bad(word.span().start, reason));
         }
     };
-    if let Some(share) = manifest.saturation.as_ref().filter(|share| !(*share.get_ref() > 0.0)) {
+    if let Some(share) =
+        manifest.saturation.as_ref().filter(|share| share.get_ref().is_nan() || *share.get_ref() <= 0.0)
+    {
         return Err(bad(share.span().start, "saturation must be above 0".into()));
     }
     let rectified = match &manifest.rectified {

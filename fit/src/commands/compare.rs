@@ -191,7 +191,7 @@ fn pairs_within(info: &CaptureInfo, most_deg: f64) -> Result<Vec<usize>, Failure
     let [views, lights] =
         [&info.views, &info.lights].map(|set| set.directions().iter().map(within).collect::<Vec<_>>());
     let count = lights.len();
-    let pairs: Vec<usize> = (0..info.pair_count()).filter(|pair| views[pair / count] && lights[pair % count]).collect();
+    let pairs: Vec<usize> = info.present_pairs().filter(|pair| views[pair / count] && lights[pair % count]).collect();
     match pairs.is_empty() {
         false => Ok(pairs),
         true => Err(Failure::Usage(format!(

@@ -2,16 +2,16 @@
 
 use super::failure::Failure;
 use super::options::Shared;
-use super::output::{check_distinct, check_file, tell};
+use super::output::{check_file, tell, write_with_files_beside};
 use super::progress;
-use btf_capture::{Capture, write_file_atomically};
+use btf_capture::Capture;
 use btf_fit::{
     FilteredFigures, FilteredParams, bytes_from_text, export_filtered, export_ktx2, load_asset, read_file,
     text_from_bytes, with_path,
 };
 use clap::Args;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Write an asset as KTX2 textures, for engines without a reader of .spmm
 ///
@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// of .ktx2. docs/reference/ktx2.md tells how a value is decoded from them.
 ///
 /// With --bc textures are block-compressed (BC5, BC7) and hold the material without clusters and lobes, so that samplers
-/// filter them; a shader of sixty lines decodes them. They are fitted anew, at some loss that is told;
+/// filter them; a short shader decodes them. They are fitted anew, at some loss that is told;
 /// docs/reference/ktx2-filtered.md.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -85,9 +85,9 @@ pub(super) fn run(args: &ExportKtx2Args, shared: &Shared) -> Result<(), Failure>
             args.out.display()
         )));
     };
-    check_file(&args.out, std::slice::from_ref(&args.asset))?;
+    check_file(&args.out, &inputs(args))?;
     if let Some(target) = &args.json {
-        check_file(target, std::slice::from_ref(&args.asset))?;
+        check_file(target, &inputs(args))?;
     }
     if args.bc { run_filtered(args, stem, shared) } else { run_planes(args, stem, shared) }
 }
@@ -153,18 +153,16 @@ fn lines(files: &[Written]) -> String {
     lines.join("\n")
 }
 
-/// Writes the files beside the first one, which comes last: it names the others.
+/// Writes the files, the first one, which names the others, last.
 fn write(args: &ExportKtx2Args, files: &[(String, Vec<u8>)]) -> Result<Vec<Written>, Failure> {
-    let folder = args.out.parent().unwrap_or(Path::new(""));
-    let paths: Vec<PathBuf> = files.iter().map(|(name, _)| folder.join(name)).collect();
-    for path in &paths {
-        check_file(path, std::slice::from_ref(&args.asset))?;
-    }
-    let outputs: Vec<&Path> = paths.iter().chain(&args.json).map(PathBuf::as_path).collect();
-    check_distinct(&outputs)?;
-    for (path, (_, bytes)) in paths.iter().zip(files).rev() {
-        write_file_atomically(path, bytes)?;
-    }
-    let written = paths.iter().zip(files);
+    let (_, first) = &files[0];
+    let paths = write_with_files_beside(&args.out, first, &files[1..], args.json.as_deref(), &inputs(args))?;
+    let paths = std::iter::once(&args.out).chain(&paths);
+    let written = paths.zip(files);
     Ok(written.map(|(path, (_, bytes))| Written { file: path.display().to_string(), bytes: bytes.len() }).collect())
+}
+
+/// Returns the files and folders that are read.
+fn inputs(args: &ExportKtx2Args) -> Vec<PathBuf> {
+    std::iter::once(&args.asset).chain(&args.captures).cloned().collect()
 }

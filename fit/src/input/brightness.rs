@@ -2,7 +2,7 @@
 //! follow from.
 
 use crate::error::FitError;
-use crate::input::pair_stride::stride_over_pairs;
+use crate::input::pair_stride::{pairs_at_stride, stride_over_pairs};
 use btf_capture::{CaptureInfo, ImageFormat, Pixels};
 use rayon::prelude::*;
 
@@ -46,7 +46,7 @@ impl Brightness {
         }
         let (pairs, lights) = (info.pair_count(), info.lights.len());
         let stride = stride_over_pairs(pairs.div_ceil(IMAGES), lights);
-        let chosen: Vec<usize> = (0..pairs).step_by(stride).filter(|pair| info.has_image(*pair)).collect();
+        let chosen = pairs_at_stride(info, stride);
         let images = chosen.par_iter().map(|pair| match read(pair / lights, pair % lights)? {
             Pixels::Linear(values) => Ok(values),
             Pixels::Encoded8(_) => Ok(Vec::new()),

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 /// Texels of a block: 20 MB of 8-bit samples for Bonn's 6,561 pairs.
-const TILE_TEXELS: usize = 1024;
+pub(crate) const TILE_TEXELS: usize = 1024;
 
 /// Returns the samples of `pair` at all `texels` texels, put together from the blocks.
 fn image_bytes(decoded: &Decoded, texels: usize, pairs: usize, pair: usize) -> Result<Vec<u8>, FitError> {
@@ -204,7 +204,7 @@ pub struct Tile<'a> {
 }
 
 impl<'a> TileCache<'a> {
-    /// Reads every image of `capture` once, in parallel. For a pair without an image, that of the nearest pair is read again.
+    /// Reads every image of `capture` once, in parallel. A pair without an image is black.
     ///
     /// Holds the samples in memory if they take at most half of `memory_bytes`, else in a temporary file
     /// in `directory`. Needs beside them two views' worth of images.
@@ -336,7 +336,6 @@ impl<'a> TileCache<'a> {
     /// Decodes all images into `form`; `None` if a sample does not fit into it.
     fn decode(&self, form: Form) -> Result<Option<Decoded>, FitError> {
         let (capture, info) = (self.capture, self.capture.info());
-        let stand_ins = info.stand_ins();
         let total = self.texels * self.pairs * form.unit();
         let place =
             if total as u64 <= self.memory_bytes / 2 { Place::Memory(vec![0; total]) } else { self.make_file(total)? };
@@ -353,7 +352,9 @@ impl<'a> TileCache<'a> {
                 .into_par_iter()
                 .map(|pair| {
                     self.monitor.check()?;
-                    let pair = stand_ins[pair];
+                    if !info.has_image(pair) {
+                        return Ok(vec![0; image_bytes]);
+                    }
                     Ok(match (capture.read(pair / self.lights, pair % self.lights)?, form) {
                         (Pixels::Encoded8(mut codes), _) => {
                             turn_image(&mut codes, info.width, info.side);

@@ -2,6 +2,7 @@
 //! because the mean of powers is above the power of the mean.
 
 use crate::error::FitError;
+use crate::input::pair_stride::pairs_at_stride;
 use crate::input::tile_cache::{DecodedImages, read_images};
 use crate::inspect::load::resident_in_parallel;
 use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_images};
@@ -39,7 +40,7 @@ pub fn with_matched_energy(
         let params = MeasureParams {
             layer: number,
             colour_stride: Some(0),
-            pairs: Some((0..info.pair_count()).step_by(stride).filter(is_kept).collect()),
+            pairs: Some(pairs_at_stride(info, stride).into_iter().filter(is_kept).collect()),
             memory_bytes: memory_bytes / 8,
             ..MeasureParams::default()
         };

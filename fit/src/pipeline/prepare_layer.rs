@@ -298,6 +298,10 @@ impl<'a> LayerSource<'a> {
             return Ok(None);
         }
         let monitor = self.stages.monitor();
+        if !self.info.missing.is_empty() {
+            monitor.remark(&format!("{} gets no heights: they are found from all images of a view", self.info.name));
+            return Ok(None);
+        }
         let heights = monitor.stage("heights", || find_heights(self.cache, self.info, monitor))?;
         if heights.is_none() {
             monitor.remark(&format!(

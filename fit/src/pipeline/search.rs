@@ -1,6 +1,7 @@
 //! The step of a fit: the finest that a size allows, or the coarsest that reaches an error.
 
 use crate::error::FitError;
+use crate::input::pair_stride::pairs_at_stride;
 use crate::input::tile_cache::read_images;
 use crate::inspect::load::resident_in_parallel;
 use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_images};
@@ -143,7 +144,7 @@ impl StepSearch<'_> {
             let info = capture.info();
             let stride = colour_pair_stride(info.views.len(), info.lights.len());
             let measure_params = MeasureParams {
-                pairs: Some((0..info.pair_count()).step_by(stride).collect()),
+                pairs: Some(pairs_at_stride(info, stride)),
                 memory_bytes: self.params.memory_bytes() / 8,
                 ..MeasureParams::default()
             };

@@ -3,6 +3,7 @@
 
 use crate::error::FitError;
 use crate::input::layer_frame::{turn_image, turn_map};
+use crate::input::pair_stride::pairs_at_stride;
 use crate::inspect::describe::{Description, describe};
 use crate::inspect::load::resident_in_parallel;
 use crate::inspect::lobe_use::LobeUse;
@@ -451,7 +452,7 @@ fn tier_curve(input: &ReportInput, description: &Description, monitor: &Monitor)
     };
     let info = layer.capture.info();
     let stride = colour_pair_stride(info.views.len(), info.lights.len());
-    let pairs: Vec<usize> = (0..info.pair_count()).step_by(stride).step_by(TIER_PAIR_SHARE).collect();
+    let pairs = pairs_at_stride(info, stride * TIER_PAIR_SHARE);
     let params = MeasureParams { layer: layer.layer, pairs: Some(pairs), ..MeasureParams::default() };
     let present: Vec<usize> = description
         .tiers

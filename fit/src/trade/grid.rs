@@ -1,6 +1,7 @@
 //! Grid of a trade: its settings, and the measurement and timing of each of them.
 
 use crate::error::FitError;
+use crate::input::pair_stride::pairs_at_stride;
 use crate::input::tone_curve::ToneCurve;
 use crate::inspect::load::{parallel, resident_in_parallel};
 use crate::inspect::lobe_use::LobeUse;
@@ -43,7 +44,7 @@ const MAX_BYTES_BESIDE: usize = 200_000;
 /// and views alike, and each with a colour difference.
 pub(crate) fn strided_pairs(info: &CaptureInfo, count: usize) -> Vec<usize> {
     let stride = colour_pair_stride(info.views.len(), info.lights.len());
-    let all: Vec<usize> = (0..info.pair_count()).step_by(stride).filter(|pair| info.has_image(*pair)).collect();
+    let all = pairs_at_stride(info, stride);
     let share = (all.len() as f64 / count as f64).round().max(1.0) as usize;
     all.into_iter().step_by(share).collect()
 }
@@ -316,9 +317,10 @@ impl Grid<'_> {
     /// Measures the error on the share of pairs.
     fn metrics(&self, made: &Made, components: u32, precision: Precision) -> Result<Metrics, FitError> {
         let options = DecodeOptions { components, ..MeasureParams::default().options };
-        // The pairs are multiples of the step between them.
+        // Where no pair is missing they are multiples of the step between them; else all count that are multiples of 1.
         let step = self.strided.get(1).copied().unwrap_or(1);
-        let colour_stride = Some(step * self.strided.len().div_ceil(COLOUR_PAIRS));
+        let is_whole = self.capture.info().missing.is_empty();
+        let colour_stride = Some(if is_whole { step * self.strided.len().div_ceil(COLOUR_PAIRS) } else { 1 });
         let measuring = MeasureParams { pairs: Some(self.strided.clone()), colour_stride, ..MeasureParams::default() };
         let decoder = decoder(&made.asset, &made.resident, &made.singles, &options, precision);
         let read = |view, light| self.held.get(view, light);

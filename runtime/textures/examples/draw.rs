@@ -1,5 +1,5 @@
-//! Draws a ball and a ground with the block-compressed textures of an asset, with wgpu and nothing of ours but the sixty
-//! lines of the decoder:
+//! Draws a ball and a ground with the block-compressed textures of an asset, with wgpu and nothing of ours but the
+//! decoder's text:
 //!
 //! ```text
 //! btf-fit export-ktx2 wool.spmm -o wool.ktx2 --bc

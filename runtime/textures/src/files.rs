@@ -11,6 +11,10 @@ const LAYOUT: u64 = 2;
 /// The textures in the order of the shader's bindings.
 const KINDS: [&str; 5] = ["tables", "planes", "fine", "bases", "mean"];
 
+/// Largest side and most layers of a texture that common devices take.
+const MAX_SIDE: u32 = 16_384;
+const MAX_LAYERS: u32 = 2048;
+
 /// What is wrong with the files.
 #[derive(Debug, thiserror::Error)]
 pub enum TextureError {
@@ -74,7 +78,7 @@ pub fn read_textures(path: &Path, side: &str) -> Result<Textures, TextureError> 
         let name = layer[kind].as_str().ok_or_else(|| fault(format!("it names no file for {kind}")))?;
         // A name, not a way out of the folder.
         let name = Path::new(name).file_name().ok_or_else(|| fault(format!("{name} is no file name")))?;
-        all.push(read_texture(&path.with_file_name(name))?);
+        all.push(read_texture(&path.with_file_name(name), kind)?);
     }
     let all = all.try_into().map_err(|_| fault("it names too few files".into()))?;
     let size = |axis: usize| index["sizeMm"][axis].as_f64();
@@ -90,28 +94,38 @@ fn read_index(path: &Path) -> Result<Value, TextureError> {
     let fault = |what: String| TextureError::Content { path: path.to_path_buf(), what };
     let reader = ktx2::Reader::new(&bytes[..]).map_err(|error| fault(format!("it is no KTX2 file: {error}")))?;
     let found = reader.key_value_data().find(|(key, _)| *key == KEY);
-    let (_, value) = found
-        .ok_or_else(|| fault("it does not name the other files; give the one without .planes or .bases".into()))?;
+    let (_, value) = found.ok_or_else(|| {
+        fault("it does not name the other files; give the one that export-ktx2 was told to write".into())
+    })?;
     let text = value.strip_suffix(&[0]).unwrap_or(value);
     serde_json::from_slice(text).map_err(|error| fault(format!("its key {KEY} holds no JSON: {error}")))
 }
 
-fn read_texture(path: &Path) -> Result<Texture, TextureError> {
+fn read_texture(path: &Path, kind: &str) -> Result<Texture, TextureError> {
     let bytes = read_file(path)?;
     let fault = |what: String| TextureError::Content { path: path.to_path_buf(), what };
     let reader = ktx2::Reader::new(&bytes[..]).map_err(|error| fault(format!("it is no KTX2 file: {error}")))?;
     let header = reader.header();
-    let format = match header.format {
-        Some(ktx2::Format::R32G32B32A32_SFLOAT) => TextureFormat::Rgba32Float,
-        Some(ktx2::Format::R16G16B16A16_SFLOAT) => TextureFormat::Rgba16Float,
-        Some(ktx2::Format::BC5_UNORM_BLOCK) => TextureFormat::Bc5RgUnorm,
-        Some(ktx2::Format::BC7_UNORM_BLOCK) => TextureFormat::Bc7RgbaUnorm,
-        other => return Err(fault(format!("its format is {other:?}"))),
+    let (format, wanted, is_array) = match kind {
+        "tables" => (TextureFormat::Rgba32Float, ktx2::Format::R32G32B32A32_SFLOAT, false),
+        "mean" => (TextureFormat::Rgba16Float, ktx2::Format::R16G16B16A16_SFLOAT, false),
+        "bases" => (TextureFormat::Bc7RgbaUnorm, ktx2::Format::BC7_UNORM_BLOCK, true),
+        _ => (TextureFormat::Bc5RgUnorm, ktx2::Format::BC5_UNORM_BLOCK, true),
     };
-    let size = [header.pixel_width, header.pixel_height];
-    let layers = (header.layer_count > 0).then_some(header.layer_count);
+    if header.format != Some(wanted) || (header.layer_count > 0) != is_array {
+        return Err(fault(format!("it is no texture of {kind}: its format is {:?}", header.format)));
+    }
+    let (size, side) = ([header.pixel_width, header.pixel_height], format.block_dimensions().0);
+    let is_sized = size.iter().all(|texels| (1..=MAX_SIDE).contains(texels) && texels.is_multiple_of(side));
+    if !is_sized || header.layer_count > MAX_LAYERS || header.level_count > MAX_SIDE.ilog2() + 1 {
+        return Err(fault(format!(
+            "{} x {} texels, {} layers and {} levels are none that a device takes",
+            size[0], size[1], header.layer_count, header.level_count
+        )));
+    }
+    let layers = is_array.then_some(header.layer_count);
     let levels: Vec<Vec<u8>> = reader.levels().map(|level| level.data.to_vec()).collect();
-    let (side, block_bytes) = (format.block_dimensions().0, format.block_copy_size(None).unwrap_or(0));
+    let block_bytes = format.block_copy_size(None).unwrap_or(0);
     for (number, level) in levels.iter().enumerate() {
         let blocks = |texels: u32| u64::from((texels >> number).max(1).div_ceil(side));
         let wanted = blocks(size[0]) * blocks(size[1]) * u64::from(layers.unwrap_or(1)) * u64::from(block_bytes);

@@ -7,7 +7,7 @@ use btf_capture::{Capture, DirectionSet, ImageFormat};
 use btf_fit::{FilteredExport, FilteredParams, FitParams, Monitor, export_filtered};
 use btf_runtime::testing::Random;
 use btf_runtime::{Asset, DecodeOptions, Levels, Resident, decode, open, pack, serial};
-use btf_tests::{capture_of, fitted};
+use btf_tests::{capture_of, fitted, small_fit};
 use btf_textures::{FEATURES, GLSL, HLSL, TextureError, Textures, limits, read_textures, upload};
 use std::path::Path;
 use std::process::Command;
@@ -372,6 +372,28 @@ fn textures_fitted_to_the_capture_are_nearer_to_it_and_any_reader_takes_them() {
     let other = capture_of(&folder.path().join("OTHER"), SIZE, &set, &set, ImageFormat::Png, |_, _, _| [0.2; 3]);
     let sentence = refused(std::slice::from_ref(&other), 400_000);
     assert!(sentence.contains("other texels or directions"), "{sentence}");
+}
+
+#[test]
+fn a_single_view_has_textures_too() {
+    let Some(gpu) = gpu() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (view, lights) = (DirectionSet::random(1, 4).unwrap(), DirectionSet::bonn81());
+    let value =
+        |texel: usize, wi: [f32; 3], _: [f32; 3]| [0.2 + 0.6 * (texel % 7) as f32 / 7.0, 0.3, 0.1].map(|x| x * wi[2]);
+    let capture = capture_of(&folder.path().join("ONE"), SIZE, &view, &lights, ImageFormat::Png, value);
+    let asset = fitted(&capture, &small_fit(folder.path())).asset;
+    write(folder.path(), &asset, &[], 200_000);
+    let textures = read_textures(&folder.path().join("weave.ktx2"), "front").unwrap();
+    let layer = &asset.layers[0];
+    let queries: Vec<Query> = (0..64)
+        .map(|i| query(i * 3, SIZE, 0.0, layer.lights.direction(i as u32), [0.1 * (i % 9) as f32, 0.0, 0.6]))
+        .collect();
+    let found = gpu.values(&gpu.glsl(), &textures, &queries);
+    let wanted: Vec<[f32; 3]> = (0..64).map(|i| value(i * 3, layer.lights.direction(i as u32), [0.0; 3])).collect();
+    assert!(psnr(&found, &wanted) > 25.0 && found.as_flattened().iter().all(|x| x.is_finite()), "{found:?}");
+    let wrong = gpu.values(&gpu.glsl(), &textures, &queries[..1].repeat(64));
+    assert!(psnr(&wrong, &wanted) < 20.0, "planted: one query for all");
 }
 
 #[test]

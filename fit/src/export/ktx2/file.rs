@@ -1,5 +1,5 @@
 //! A KTX 2.0 file (Khronos Texture, version 2.0 of the specification): header, index, data format descriptor, key/value
-//! data, mip levels. As much of it as uncompressed two-dimensional arrays need.
+//! data, mip levels. As much of it as two-dimensional textures and arrays need.
 
 /// Format of the texels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,6 +3,7 @@
 use crate::error::FitError;
 use crate::export::ktx2::filtered::components::FilteredLayer;
 use crate::export::ktx2::filtered::measured_rows::{CURVE, MeasuredRows};
+use crate::input::tile_cache::TILE_TEXELS;
 use crate::metrics::psnr_db_from_codes;
 use crate::monitor::Monitor;
 use crate::stages::principal_directions::ROW_BLOCK;
@@ -40,7 +41,11 @@ pub fn errors(
     let codes: Vec<u8> = (0..=TABLE)
         .map(|i| (255.0 * Transfer::Srgb.encoded_from_linear(CURVE.decode(i as f32 / TABLE as f32, 0.0))).round() as u8)
         .collect();
-    let order = asset.order();
+    let mut order = asset.order();
+    if capture.is_some() {
+        // A capture gives its texels block by block.
+        order.sort_by_key(|texel| *texel as usize / TILE_TEXELS);
+    }
     let sums: Vec<[u64; 3]> = order
         .par_chunks(ROW_BLOCK)
         .map(|texels| {

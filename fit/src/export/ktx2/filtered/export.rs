@@ -6,7 +6,7 @@ use crate::export::ktx2::filtered::components::{Component, FilteredLayer, Source
 use crate::export::ktx2::filtered::error::{LayerError, errors};
 use crate::export::ktx2::filtered::layout::{Layout, MIN_COMPONENTS};
 use crate::export::ktx2::filtered::light_map::LightMap;
-use crate::export::ktx2::filtered::measured_rows::{AssetRows, CaptureRows, MeasuredRows};
+use crate::export::ktx2::filtered::measured_rows::{AssetRows, CaptureRows, LobeTables, MeasuredRows};
 use crate::export::ktx2::filtered::planes::Plane;
 use crate::export::ktx2::filtered::view_map::{CELLS, triangles_of_cells};
 use crate::export::ktx2::planes::KTX2_KEY;
@@ -71,7 +71,7 @@ pub struct FilteredFigures {
 /// must be the asset's.
 ///
 /// # Errors
-/// If the bytes do not suffice for two components, a capture does not match or cannot be read, or the monitor was
+/// If the bytes do not suffice for four components, a capture does not match or cannot be read, or the monitor was
 /// cancelled.
 pub fn export_filtered(
     asset: &Asset,
@@ -99,8 +99,9 @@ pub fn export_filtered(
                 layout.bytes(MIN_COMPONENTS) * asset.layers.len()
             )));
         }
+        let tables = LobeTables::new(&asset, number);
         let of_asset: Vec<AssetRows> =
-            (0..=asset.levels.len()).map(|level| AssetRows::new(&asset, &resident, level, number)).collect();
+            (0..=asset.levels.len()).map(|level| AssetRows::new(&asset, &resident, &tables, level, number)).collect();
         let of_capture = caches[number].as_ref().map(CaptureRows::new);
         let finest: &dyn MeasuredRows = match &of_capture {
             Some(rows) => rows,
@@ -178,13 +179,20 @@ fn captures_of_layers<'a>(
                 info.name
             )));
         }
-        let cache = TileCache::build(capture, params.memory_bytes, &std::env::temp_dir(), monitor)?;
-        if caches[number].replace(cache).is_some() {
+        if !info.missing.is_empty() {
+            return Err(FitError::Params(format!(
+                "the capture {} lacks images, so textures cannot be fitted to it; leave --capture out",
+                info.name
+            )));
+        }
+        if caches[number].is_some() {
             return Err(FitError::Params(format!(
                 "two captures are of the side `{}`; give one --capture for each layer",
                 info.side
             )));
         }
+        let memory_bytes = params.memory_bytes / captures.len() as u64;
+        caches[number] = Some(TileCache::build(capture, memory_bytes, &std::env::temp_dir(), monitor)?);
     }
     Ok(caches)
 }

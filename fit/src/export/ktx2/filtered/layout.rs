@@ -52,7 +52,7 @@ impl Layout {
 
     /// Returns the largest even number of components whose textures take at most `bytes`; 0 if not even [`MIN_COMPONENTS`] do.
     pub fn components_within(&self, bytes: usize) -> usize {
-        (1..=MAX_COMPONENTS / 2)
+        (MIN_COMPONENTS / 2..=MAX_COMPONENTS / 2)
             .map(|pairs| 2 * pairs)
             .take_while(|count| self.bytes(*count) <= bytes)
             .last()
@@ -74,6 +74,9 @@ mod tests {
         assert_eq!(layout.bytes(6), (planes + bases) * 16 + mean + tables);
         assert_eq!(layout.components_within(layout.bytes(6)), 6);
         assert_eq!(layout.components_within(layout.bytes(6) - 1), 4);
-        assert_eq!((layout.components_within(100), layout.components_within(usize::MAX)), (0, MAX_COMPONENTS));
+        assert_eq!(
+            (layout.components_within(layout.bytes(4) - 1), layout.components_within(usize::MAX)),
+            (0, MAX_COMPONENTS)
+        );
     }
 }

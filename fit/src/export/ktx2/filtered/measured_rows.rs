@@ -40,12 +40,24 @@ pub struct AssetRows<'a> {
     layer: &'a Layer,
     texels: Texels<'a>,
     edits: Edits,
-    /// Lobes at all pairs, and their weights' scales, of the dictionaries and of each edit's.
-    tables: Vec<Vec<ClusterTables>>,
+    tables: &'a LobeTables,
     /// Expanded bases as pairs of halves, `[cluster, pair, channel, word]`; empty without residual.
     bases: &'a [u32],
     /// Words a pair and channel.
     stride: usize,
+}
+
+/// The lobes of a layer at all pairs: of its dictionaries, then of each edit's.
+pub struct LobeTables(Vec<Vec<ClusterTables>>);
+
+impl LobeTables {
+    /// Evaluates the lobes of layer `number`. Memory: four bytes for each lobe and pair, for the dictionaries and each edit.
+    pub fn new(asset: &Asset, number: usize) -> LobeTables {
+        let layer = &asset.layers[number];
+        let mut tables = vec![tables_of(layer, |entry| *entry)];
+        tables.extend(asset.edits.list.iter().map(|edit| tables_of(layer, |entry| edit.lobe(entry))));
+        LobeTables(tables)
+    }
 }
 
 /// The lobes of a cluster at all pairs.
@@ -55,8 +67,14 @@ struct ClusterTables {
 }
 
 impl<'a> AssetRows<'a> {
-    /// Returns level `level` (0 the finest) of layer `number`. `resident` must be `asset`'s, bases not packed.
-    pub fn new(asset: &'a Asset, resident: &'a Resident, level: usize, number: usize) -> AssetRows<'a> {
+    /// Returns level `level` (0 the finest) of layer `number`. `resident` must be `asset`'s, bases not packed, and `tables` the layer's.
+    pub fn new(
+        asset: &'a Asset,
+        resident: &'a Resident,
+        tables: &'a LobeTables,
+        level: usize,
+        number: usize,
+    ) -> AssetRows<'a> {
         let layer = &asset.layers[number];
         let finest = [asset.width, asset.height];
         let (clusters, counts, refs, codes, edits) = match level.checked_sub(1) {
@@ -80,8 +98,6 @@ impl<'a> AssetRows<'a> {
         let stride = words[at + block::CHANNEL_WORDS] as usize;
         let count = layer.dictionary.len() * layer.lights.len() * layer.views.len() * 3 * stride;
         let first = words[at + block::BASIS] as usize;
-        let mut tables = vec![tables_of(layer, |entry| *entry)];
-        tables.extend(edits.list.iter().map(|edit| tables_of(layer, |entry| edit.lobe(entry))));
         AssetRows {
             layer,
             texels: Texels { clusters, refs, first_ref, codes },
@@ -112,7 +128,7 @@ impl<'a> AssetRows<'a> {
 
     /// Sums the lobes of a texel, with the dictionaries of `edit` (0: none).
     fn lobes(&self, texel: usize, edit: usize, out: &mut [f32]) {
-        let tables = &self.tables[edit][usize::from(self.texels.clusters[texel])];
+        let tables = &self.tables.0[edit][usize::from(self.texels.clusters[texel])];
         let refs = &self.texels.refs[self.texels.first_ref[texel]..self.texels.first_ref[texel + 1]];
         lobe_sum_at_pairs(refs, &tables.scales, &tables.values, out);
     }
@@ -237,7 +253,7 @@ impl MeasuredRows for CaptureRows<'_> {
     }
 }
 
-/// Returns the mean of the rows of `source` over blocks of `size` texels that are spread over all.
+/// Returns the mean of the rows of `source` over ranges of its order.
 pub fn mean_row(source: &dyn MeasuredRows, blocks: &[Range<usize>]) -> Result<Vec<f32>, FitError> {
     let order = source.order();
     let mut sum: Vec<f64> = Vec::new();
