@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::colour::transfer::Transfer;
 use crate::error::CaptureError;
 use crate::images::corrections::{Corrections, Light, MIN_FLAT, linear, nearest_valid};
-use crate::images::decoded::{DecodedImage, ImageFault, Samples};
+use crate::images::decoded::{DecodedImage, ImageFault, MIN_LINEAR, Samples};
 use crate::images::file_format::{self, FileFormat};
 use crate::images::homography::{is_within, rectify};
 use crate::info::{CaptureInfo, ImageFormat};
@@ -15,9 +15,6 @@ use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES, Reading};
 use crate::layout::source::{MAX_FILE_BYTES, Source, safe_name};
 use crate::layout::{bonn, list};
 use crate::ubo2014::{Container, ContainerInfo, is_container};
-
-/// Most negative linear value that is accepted as a colour outside the gamut; an image with a lower value is refused.
-pub const MIN_LINEAR: f32 = -0.1;
 
 /// Bytes that an image file may have whatever its size in texels, for headers, thumbnails and profiles.
 const FREE_FILE_BYTES: u64 = 4 << 20;

@@ -59,13 +59,14 @@ mod units;
 mod writer;
 
 pub use atomic::{AtomicFile, write_file_atomically};
-pub use capture::{Capture, MIN_LINEAR, Pixels, Snapped};
+pub use capture::{Capture, Pixels, Snapped};
 pub use colour::cie;
 pub use colour::ciede::{Lab, LabConverter, delta_e00, lab_from_linear};
 pub use colour::spectrum::{rgb_of, rgb_weights};
 pub use colour::transfer::Transfer;
 pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use error::CaptureError;
+pub use images::decoded::MIN_LINEAR;
 pub use images::encode8::Encoder8;
 pub use images::radiance_map::RadianceMap;
 pub use info::{CaptureInfo, Cosine, ImageFormat, Side};

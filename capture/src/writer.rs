@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use crate::atomic::{StagedFolder, sync_folder};
-use crate::capture::MIN_LINEAR;
 use crate::error::CaptureError;
+use crate::images::decoded::MIN_LINEAR;
 use crate::images::encode8::Encoder8;
 use crate::images::{decoded, exr, file_format};
 use crate::info::{CaptureInfo, ImageFormat, file_linear};

@@ -1,9 +1,8 @@
 //! Corrections of photographs before they are reflectance: black level, flat field, exposures merged to one image, texels that
 //! are masked out, the order of the rows.
 
-use crate::capture::MIN_LINEAR;
 use crate::colour::transfer::Transfer;
-use crate::images::decoded::{DecodedImage, Samples};
+use crate::images::decoded::{DecodedImage, MIN_LINEAR, Samples};
 
 /// Share of the largest file value from which on a sample counts as saturated, for files of 8 and 16 bits.
 pub(crate) const SATURATION: f32 = 0.98;

@@ -4,6 +4,9 @@
 /// is allocated.
 pub(crate) const MAX_TEXELS: usize = 1 << 26;
 
+/// Most negative linear value that is accepted as a colour outside the gamut; an image with a lower value is refused.
+pub const MIN_LINEAR: f32 = -0.1;
+
 /// File values of a decoded image, `[texel, channel]`, three channels.
 #[derive(Debug)]
 pub(crate) enum Samples {
