@@ -81,10 +81,9 @@ impl Capture {
     ///   or with a list of its images (a `.csv` file); the list itself can be given as well;
     /// - a UBO2014 file (`.btf`).
     ///
-    /// Checks that the angles form a full grid of views x lights, but for a capture that says `incomplete = true`, reads
-    /// `capture.toml` where there is one (`NAME.toml`
-    /// beside `NAME.btf`), checks that angles and side agree (see [`crate::Side`]), and decodes the first image, which
-    /// gives the size of a capture of files. Other files are ignored.
+    /// Reads `capture.toml` where there is one (`NAME.toml` beside `NAME.btf`), checks that the angles form a full grid of
+    /// views x lights, unless that says `incomplete = true`, and that angles and side agree (see [`crate::Side`]), and
+    /// decodes the first image, which gives the size of a capture of files. Other files are ignored.
     ///
     /// # Errors
     /// Any of [`CaptureError`]'s variants for reading. Nothing is written and nothing is unpacked.

@@ -1,7 +1,7 @@
 //! Photographs of a flat sample seen aslant, rectified to its texels.
 
 /// Pixels along a texel's side that are looked at, at most.
-const MOST_SAMPLES: usize = 8;
+const MAX_SAMPLES: usize = 8;
 
 /// A projective map from texels to pixels: row-major 3 x 3, of `(column, row, 1)`, both counted from the corner of the first
 /// texel or pixel.
@@ -55,7 +55,7 @@ fn samples_a_side(h: &Homography, x: f64, y: f64) -> usize {
     let ([a, b, c], far) = ([place(0.0, 0.0), place(1.0, 0.0), place(0.0, 1.0)], |p: [f64; 2], q: [f64; 2]| {
         (p[0] - q[0]).hypot(p[1] - q[1])
     });
-    (far(a, b).max(far(a, c)).ceil() as usize).clamp(1, MOST_SAMPLES)
+    (far(a, b).max(far(a, c)).ceil() as usize).clamp(1, MAX_SAMPLES)
 }
 
 /// Returns the four pixels about a place with their bilinear weights; the edges go on.

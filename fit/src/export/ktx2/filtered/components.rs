@@ -23,7 +23,7 @@ use std::ops::Range;
 /// Blocks of texels that the mean and the components' first variances are taken of.
 const SAMPLED_BLOCKS: usize = 48;
 /// Texels that principal components are found from at most.
-const MOST_ROWS: usize = 65_536;
+const MAX_ROWS: usize = 65_536;
 
 /// A component: a basis and its coefficients.
 pub struct Component {
@@ -118,7 +118,7 @@ impl<'a> AllLevels<'a> {
         let all = std::iter::once(&source.finest).chain(&source.coarser);
         let levels = all.enumerate().map(|(number, rows)| {
             let order = rows.order();
-            let every = order.len().div_ceil(MOST_ROWS);
+            let every = order.len().div_ceil(MAX_ROWS);
             let order = order.into_iter().step_by(every).collect();
             Level { rows: *rows, order, weight: weight_of(number) * (every as f32).sqrt() }
         });
