@@ -70,6 +70,17 @@ impl Direction {
         [sin_theta * cos_phi, sin_theta * sin_phi, cos_theta]
     }
 
+    /// Returns the angle to `other` in degrees, 0 to 180.
+    pub fn angle_deg(self, other: Direction) -> f64 {
+        let (a, b) = (self.unit_f64(), other.unit_f64());
+        a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>().clamp(-1.0, 1.0).acos().to_degrees()
+    }
+
+    /// Returns the bits of both angles: equal for equal directions, and fit for a map's key.
+    pub(crate) fn bits(self) -> [u64; 2] {
+        [self.theta_deg.to_bits(), self.phi_deg.to_bits()]
+    }
+
     fn is_valid(self) -> bool {
         (0.0..=180.0).contains(&self.theta_deg) && (0.0..360.0).contains(&self.phi_deg)
     }

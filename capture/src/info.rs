@@ -169,11 +169,9 @@ impl CaptureInfo {
         if self.missing.is_empty() {
             return found;
         }
-        let angles = |set: &DirectionSet| -> Vec<Vec<f32>> {
-            let units = set.units();
-            let angle =
-                |a: &[f32; 3], b: &[f32; 3]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f32>().clamp(-1.0, 1.0).acos();
-            units.iter().map(|a| units.iter().map(|b| angle(a, b)).collect()).collect()
+        let angles = |set: &DirectionSet| -> Vec<Vec<f64>> {
+            let all = set.directions();
+            all.iter().map(|a| all.iter().map(|b| a.angle_deg(*b)).collect()).collect()
         };
         let (views, sources) = (angles(&self.views), angles(&self.lights));
         let present: Vec<usize> = self.present_pairs().collect();

@@ -55,16 +55,10 @@ pub(crate) fn snap(
 ) -> (f64, usize) {
     let nearest = |direction: Direction, set: Option<&DirectionSet>| {
         let Some(set) = set else { return (direction, 0.0) };
-        let unit = direction.unit_f64();
-        let angle = |other: &Direction| {
-            let other = other.unit_f64();
-            unit.iter().zip(other).map(|(a, b)| a * b).sum::<f64>().clamp(-1.0, 1.0).acos().to_degrees()
-        };
-        let found = set.directions().iter().min_by(|a, b| angle(a).total_cmp(&angle(b)));
-        found.map_or((direction, 0.0), |found| (*found, angle(found)))
+        let angles = set.directions().iter().map(|other| (*other, direction.angle_deg(*other)));
+        angles.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((direction, 0.0))
     };
-    let bits = |d: Direction| [d.theta_deg.to_bits(), d.phi_deg.to_bits()];
-    let pair = |image: &GridImage| [bits(image.view), bits(image.light)];
+    let pair = |image: &GridImage| [image.view.bits(), image.light.bits()];
     // Angle, pair that the image counts as, pose.
     let moved: Vec<(f64, GridImage, _)> = images
         .iter()
@@ -96,10 +90,9 @@ pub(crate) fn grid_of(
 ) -> Result<Grid, CaptureError> {
     let root = source.root().display().to_string();
     // Two files of one pair, which two formats of one image are, too.
-    let key = |d: Direction| (d.theta_deg.to_bits(), d.phi_deg.to_bits());
     let mut shots_of_pair: HashMap<_, Vec<Shot>> = HashMap::with_capacity(images.len());
     for image in images {
-        let shots = shots_of_pair.entry((key(image.light), key(image.view))).or_default();
+        let shots = shots_of_pair.entry([image.light.bits(), image.view.bits()]).or_default();
         if let Some(other) = shots.iter().find(|shot| shot.exposure == image.exposure) {
             return Err(CaptureError::DoubledPair {
                 first: source.shown(other.file),
@@ -116,7 +109,7 @@ pub(crate) fn grid_of(
     }
 
     let distinct = |directions: &mut dyn Iterator<Item = Direction>| {
-        let by_key: HashMap<_, _> = directions.map(|d| (key(d), d)).collect();
+        let by_key: HashMap<_, _> = directions.map(|d| (d.bits(), d)).collect();
         if by_key.len() > MAX_DIRECTIONS {
             let reason = format!("{root} names {} directions; at most {MAX_DIRECTIONS} are allowed", by_key.len());
             return Err(CaptureError::BadDirections { reason });
@@ -140,7 +133,7 @@ pub(crate) fn grid_of(
     }
     let pairs = || (0..view_count).flat_map(|view| (0..light_count).map(move |light| (view, light)));
     let shots_of = |(view, light): (usize, usize)| {
-        shots_of_pair.get(&(key(grid.lights.directions()[light]), key(grid.views.directions()[view]))).cloned()
+        shots_of_pair.get(&[grid.lights.directions()[light].bits(), grid.views.directions()[view].bits()]).cloned()
     };
     if missing > 0 && !incomplete {
         let (view, light) = pairs().find(|&pair| shots_of(pair).is_none()).unwrap_or((0, 0));
