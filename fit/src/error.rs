@@ -82,6 +82,9 @@ pub enum FitError {
         /// Remedy, as a clause.
         remedy: &'static str,
     },
+    /// A plan of a library, or a material of one, that is not usable.
+    #[error("{0}")]
+    Library(String),
     /// A goal of `--bytes` or `--psnr` that no setting reaches.
     #[error("{0}")]
     Budget(String),

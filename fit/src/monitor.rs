@@ -1,14 +1,14 @@
 //! Progress and cancellation (Ctrl-C) as the library sees them.
 
 use crate::error::FitError;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// Receiver of a computation's progress, through which the computation also learns that it should stop.
 #[derive(Default)]
 pub struct Monitor {
-    cancelled: AtomicBool,
+    cancelled: Arc<AtomicBool>,
     listener: Option<Box<Listener>>,
     hearer: Option<Box<Hearer>>,
     /// Stages that run now, outermost first, each with the seconds of the stages that ran inside it.
@@ -39,6 +39,12 @@ impl Monitor {
     /// stops nothing.
     pub fn on_remark(self, hearer: impl Fn(&str) + Send + Sync + 'static) -> Monitor {
         Monitor { hearer: Some(Box::new(hearer)), ..self }
+    }
+
+    /// Returns a monitor for one of several pieces of work: it keeps its own stages and makes its own remarks, passes no progress
+    /// on, and stops where `self` does.
+    pub fn of_one(&self) -> Monitor {
+        Monitor { cancelled: Arc::clone(&self.cancelled), ..Monitor::default() }
     }
 
     /// Makes a remark, one sentence.
@@ -124,7 +130,6 @@ impl Monitor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::Arc;
     use std::thread::sleep;
     use std::time::Duration;
 

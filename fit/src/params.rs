@@ -1,8 +1,9 @@
 //! What a fit is asked for.
 
 use crate::error::FitError;
+use btf_capture::Capture;
 use btf_runtime::{LobeRole, MAX_COMPONENTS, MAX_LOG, ROOT, ResidualKind};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Largest number of half precision.
@@ -18,7 +19,7 @@ const BYTES_PER_PREDICTED_LOBE: f64 = 32.0;
 const PREDICTED_LOBE_SHARE: f64 = 0.025;
 
 /// The error that a fit minimises.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ErrorMeasure {
     /// Error of gamma-encoded values, as `psnr_db` counts them: root residual.
@@ -60,7 +61,7 @@ impl ErrorMeasure {
 }
 
 /// Role of the lobes: whether the residual holds the whole value or what the lobes leave.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
     /// The residual holds the whole value. Each cluster has one set of lobes, which guides interpolation, sampling and
@@ -101,6 +102,26 @@ pub enum KMeansEngine {
     Levels,
 }
 
+/// Assets that tell what materials have in common.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum Priors {
+    /// Those that come with the program.
+    #[default]
+    BuiltIn,
+    /// These assets; without any, nothing is known but that near directions look alike.
+    Assets(Vec<PathBuf>),
+}
+
+impl Priors {
+    /// Returns the files whose contents matter.
+    pub(crate) fn files(&self) -> &[PathBuf] {
+        match self {
+            Priors::BuiltIn => &[],
+            Priors::Assets(paths) => paths,
+        }
+    }
+}
+
 /// Goal of a fit: a size, a PSNR, or neither.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
@@ -134,6 +155,8 @@ pub struct FitParams {
     pub error: Option<ErrorMeasure>,
     /// Share of the direction pairs that is held back, 0 to 0.9.
     pub leave_out: f64,
+    /// What predicts pairs that are held back or have no image.
+    pub priors: Priors,
     /// Whether to find the texels' heights and store them, where they predict steep views.
     pub heights: bool,
     /// Seed of every random choice.
@@ -166,6 +189,7 @@ impl Default for FitParams {
             memory_bytes: 4_000_000_000,
             error: None,
             leave_out: 0.0,
+            priors: Priors::BuiltIn,
             heights: false,
             seed: 1,
             kmeans: KMeansEngine::Product,
@@ -203,6 +227,14 @@ impl FitParams {
             PREDICTED_LOBE_SHARE * bytes as f64 / (BYTES_PER_PREDICTED_LOBE * clusters.max(1) as f64)
         });
         (affordable as usize).clamp(1, PREDICTED_LOBES)
+    }
+
+    /// Sets the numbers of clusters and lobes: to those asked for, else to what does best for `captures`.
+    pub fn suit(&mut self, captures: &[Capture], clusters: Option<usize>, lobes: Option<usize>) {
+        let Some(first) = captures.first() else { return };
+        let bytes = self.bytes.map(|bytes| bytes / captures.len() as u64);
+        self.clusters = clusters.unwrap_or(self.clusters_for(bytes, first.info().texel_count()));
+        self.lobes = lobes.unwrap_or(self.lobes_for(bytes, self.clusters));
     }
 
     /// Checks every range.
@@ -314,6 +346,11 @@ impl ValidFitParams {
     /// Returns the share of the direction pairs that is held back, 0 to 0.9.
     pub fn leave_out(&self) -> f64 {
         self.asked.leave_out
+    }
+
+    /// Returns what predicts pairs that are held back or have no image.
+    pub fn priors(&self) -> &Priors {
+        &self.asked.priors
     }
 
     /// Tells whether the texels' heights are looked for.

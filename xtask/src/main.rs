@@ -24,7 +24,9 @@ mod shell;
 mod suite;
 mod tools;
 
-use chores::{bench, blender, book, c, check, demo, fuzz, gpu_report, header, python, setup, shaders, volumes, web};
+use chores::{
+    bench, blender, book, c, check, demo, fuzz, gpu_report, header, priors, python, setup, shaders, volumes, web,
+};
 use failure::Failure;
 use std::process::ExitCode;
 
@@ -42,6 +44,7 @@ Chores:
   fuzz    fuzz the packed formats and the readers of models and captures with libFuzzer
   gpu-report
           write what `btf-view bench gpu` measured as a page of the documents
+  priors  learn the priors of `btf-fit fit`
   python  build, install and test the Python module
   header  write the C header from the sources of the C interface
   shaders write the decoder in WGSL, HLSL, MSL, GLSL and SPIR-V
@@ -82,6 +85,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "gpu-report" => gpu_report::run(rest),
         "python" => python::run(rest),
         "header" => header::run(rest),
+        "priors" => priors::run(rest),
         "setup" => setup::run(rest),
         "shaders" => shaders::run(rest),
         "volumes" => volumes::run(rest),

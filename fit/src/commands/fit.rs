@@ -1,7 +1,7 @@
 //! `btf-fit fit`.
 
 use super::failure::Failure;
-use super::options::{RoleName, Shared};
+use super::options::{PriorsArg, RoleName, Shared};
 use super::output::{check_distinct, check_file, complain, is_stdout, tell};
 use super::progress;
 use btf_capture::{Capture, write_file_atomically};
@@ -70,6 +70,8 @@ pub(super) struct FitArgs {
     /// Hold this share of the direction pairs back, 0 to 0.9, and report their error apart
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     leave_out: f64,
+    #[command(flatten)]
+    priors: PriorsArg,
     /// Find the heights of the texels and store them, so that views beyond the measured ones, towards grazing, keep the
     /// relief in place: about half a byte a texel
     #[arg(long)]
@@ -204,12 +206,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
     for path in &outputs {
         check_file(path, &args.captures)?;
     }
-    if let Some(first) = captures.first() {
-        let bytes = params.bytes.map(|bytes| bytes / captures.len() as u64);
-        let texels = first.info().texel_count();
-        params.clusters = args.clusters.unwrap_or(params.clusters_for(bytes, texels));
-        params.lobes = args.lobes.unwrap_or(params.lobes_for(bytes, params.clusters));
-    }
+    params.suit(&captures, args.clusters, args.lobes);
     let params = check(&params)?;
 
     let last = if args.report.is_some() { LastStage::Report } else { LastStage::Measure };
@@ -303,6 +300,7 @@ fn params(args: &FitArgs) -> FitParams {
             ErrorArg::Log => Some(ErrorMeasure::Log),
         },
         leave_out: args.leave_out,
+        priors: args.priors.priors(),
         heights: args.heights,
         seed: args.seed,
         kmeans: match args.kmeans {

@@ -11,9 +11,11 @@ mod export_usd;
 mod failure;
 mod fit;
 mod info;
+mod library;
 mod maps;
 mod options;
 mod output;
+mod priors;
 mod progress;
 mod trade;
 mod validate;
@@ -47,6 +49,9 @@ enum Command {
     ExportMtlx(export_mtlx::ExportMtlxArgs),
     ExportUsd(export_usd::ExportUsdArgs),
     Voltex(voltex::VoltexArgs),
+    Library(library::LibraryArgs),
+    LearnPriors(priors::learn::LearnPriorsArgs),
+    ProposeDirections(priors::propose::ProposeDirectionsArgs),
 }
 
 /// Runs the command; errors go to stderr as one sentence.
@@ -68,6 +73,9 @@ pub(crate) fn run(cli: Cli) -> Exit {
         Command::ExportMtlx(args) => export_mtlx::run(args, &cli.shared),
         Command::ExportUsd(args) => export_usd::run(args, &cli.shared),
         Command::Voltex(args) => voltex::run(args, &cli.shared),
+        Command::Library(args) => library::run(args, &cli.shared),
+        Command::LearnPriors(args) => priors::learn::run(args, &cli.shared),
+        Command::ProposeDirections(args) => priors::propose::run(args, &cli.shared),
     };
     match result {
         Ok(()) => Exit::Success,

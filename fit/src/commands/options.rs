@@ -1,8 +1,9 @@
 //! Options that several subcommands share.
 
-use btf_fit::{Role, bytes_from_text};
+use btf_fit::{Priors, Role, bytes_from_text};
 use btf_runtime::PackedGoal;
 use clap::{Args, ValueEnum};
+use std::path::PathBuf;
 
 /// Options of every subcommand.
 #[derive(Debug, Clone, Args)]
@@ -54,6 +55,26 @@ impl Decoding {
                 Interpolation::Exact => btf_runtime::Interpolation::Exact,
             },
             heights: btf_runtime::HeightUse::unless(self.no_parallax, self.no_relief),
+        }
+    }
+}
+
+/// What is known of materials before a capture is seen.
+#[derive(Debug, Clone, Args)]
+pub(super) struct PriorsArg {
+    /// Predict pairs without an image by what these assets have in common, in place of the priors that come with the
+    /// program; fitted assets of similar materials predict best. `none`: by near directions alone
+    #[arg(long, value_name = "ASSET.spmm", num_args = 1..)]
+    priors: Vec<PathBuf>,
+}
+
+impl PriorsArg {
+    /// Returns the choice.
+    pub(super) fn priors(&self) -> Priors {
+        match &self.priors[..] {
+            [] => Priors::BuiltIn,
+            [none] if none.as_os_str() == "none" => Priors::Assets(Vec::new()),
+            assets => Priors::Assets(assets.to_vec()),
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Input of a fit: captures turned into blocks of texels, in the frame of the asset.
 
 pub(crate) mod brightness;
-pub(crate) mod holdout;
 pub(crate) mod layer_frame;
 pub(crate) mod pair_stride;
 pub(crate) mod residual_curve;

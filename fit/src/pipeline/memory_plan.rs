@@ -1,12 +1,12 @@
 //! Shares the memory limit of a fit out before anything is read.
 
 use crate::error::FitError;
+use crate::numeric::principal_directions::ROW_BLOCK;
 use crate::params::ValidFitParams;
 use crate::pipeline::representatives::REPRESENTATIVES;
 use crate::stages::candidates::MAX_CANDIDATES;
 use crate::stages::heights;
 use crate::stages::lobe_dictionaries::DICTIONARY_SIZE;
-use crate::stages::principal_directions::ROW_BLOCK;
 use btf_capture::CaptureInfo;
 
 /// Principal directions that clusters are found in.

@@ -2,7 +2,6 @@
 //! base.
 
 use crate::error::FitError;
-use crate::input::holdout::Holdout;
 use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
@@ -11,6 +10,10 @@ use crate::params::{Goal, KMeansEngine, ValidFitParams};
 use crate::pipeline::choose_relief::FIRST_RELIEF;
 use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, shared_bases};
 use crate::pipeline::representatives::representatives;
+use crate::priors::covariance::PairCovariance;
+use crate::priors::holdout::Holdout;
+use crate::priors::parts::prior_parts;
+use crate::priors::predict::Prediction;
 use crate::resume::checkpoint::Stages;
 use crate::stages::budget::error_for_psnr;
 use crate::stages::encode::Model;
@@ -27,7 +30,7 @@ use crate::stages::sparse::{ClusterLobes, Correlations, LobesOf, Selection, drop
 use crate::stages::texel_coordinates::Coordinates;
 use btf_capture::CaptureInfo;
 use btf_runtime::{Heights, Layer, MAX_COMPONENTS, ResidualKind, Sphere};
-use ndarray::{Array2, s};
+use ndarray::{Array2, Axis, s};
 
 /// Texels that the features' directions are found from.
 const FEATURE_SAMPLE: usize = 2048;
@@ -136,25 +139,32 @@ impl<'a> LayerSource<'a> {
     ) -> Result<LayerSource<'a>, FitError> {
         let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
         let views = Sphere::new(&layer_directions(&info.views, info.side))?;
-        let holdout = Holdout::new(info, &lights, &views, params.leave_out(), params.seed());
+        let holdout = Holdout::new(info, params.leave_out(), params.seed());
         let (kind, epsilon) = params.error().residual();
         let curve = Curve::new(kind, epsilon);
         let mapping = Mapping::new(cache, curve.exact());
         let mut source =
             LayerSource { info, cache, params, sample, stages, views, lights, kind, epsilon, curve, mapping, holdout };
         if !source.holdout.pairs.is_empty() {
-            source.holdout.sources = source.learn_holdout()?;
+            source.holdout.prediction = Some(source.prediction()?);
         }
         Ok(source)
     }
 
-    /// Returns for each held-back pair the measured pairs that predict it, and their weights.
-    fn learn_holdout(&self) -> Result<Vec<Vec<(usize, f32)>>, FitError> {
-        self.stages.run("leave-out", || {
+    /// Learns how held-back and missing pairs follow from the others. Not kept among the finished stages, because it is large
+    /// beside the time that it takes.
+    fn prediction(&self) -> Result<Prediction, FitError> {
+        self.stages.monitor().stage("leave-out", || {
             let chosen = texel_sample(self.info.texel_count(), HOLDOUT_SAMPLE, self.params.seed());
             let block = self.cache.gather(&chosen)?;
             let rows = self.residual(None).rows(&block, 0..chosen.len(), |index| chosen[index]);
-            Ok(self.holdout.learn(rows))
+            // Channels are samples of one covariance.
+            let samples: Vec<_> = (0..3).map(|channel| rows.slice(s![.., channel..;3])).collect();
+            let samples = ndarray::concatenate(Axis(0), &samples).unwrap_or_default();
+            let parts = prior_parts(self.params.priors(), &self.views, &self.lights, &self.curve)?;
+            let seen = self.holdout.seen(self.info.pair_count());
+            let covariance = PairCovariance::adapted(&self.views, &self.lights, parts, samples.view(), &seen);
+            Ok(Prediction::new(&covariance, seen, self.holdout.pairs.clone()))
         })
     }
 

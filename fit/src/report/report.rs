@@ -13,6 +13,7 @@ use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::metrics::ErrorSums;
 use crate::monitor::{Monitor, Stage};
 use crate::params::Role;
+use crate::report::base64::base64;
 use crate::report::page::{decibel_text, page, tile};
 use crate::report::plot::{bars, finite_range, histogram, legend, line, polar};
 use btf_capture::{
@@ -471,21 +472,6 @@ fn tier_curve(input: &ReportInput, description: &Description, monitor: &Monitor)
     }
     points.retain(|point| point.1.is_finite());
     Ok(points)
-}
-
-/// Returns the Base64 text of `bytes` with padding, RFC 4648.
-fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let at = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
-        let bits = at(0) << 16 | at(1) << 8 | at(2);
-        for i in 0..4 {
-            let letter = ALPHABET[(bits >> (18 - 6 * i) & 63) as usize] as char;
-            text.push(if i <= chunk.len() { letter } else { '=' });
-        }
-    }
-    text
 }
 
 #[cfg(test)]

@@ -67,7 +67,18 @@ impl Identity {
         // Where files lie decides on nothing, nor whether a role was asked for that is the usual one.
         let role = Some(params.role());
         let asked = FitParams { role, cache_directory: PathBuf::new(), resume: None, ..params.asked().clone() };
-        let params = blake3::hash(format!("{asked:?}").as_bytes());
+        let mut params_hash = Hasher::new();
+        params_hash.update(format!("{asked:?}").as_bytes());
+        for path in params.priors().files() {
+            let bytes = fs::read(path).map_err(|source| FitError::File {
+                path: path.clone(),
+                action: "reading the priors",
+                source,
+                remedy: "give --priors the names of fitted assets",
+            })?;
+            params_hash.update(&bytes);
+        }
+        let params = params_hash.finalize();
         Ok(Identity { program: program.finalize(), captures: stamped.finalize(), params })
     }
 

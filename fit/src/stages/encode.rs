@@ -3,9 +3,9 @@
 //! as a coefficient's does. Equal slopes of error against bytes follow from that [Shoham 1988], within a layer and
 //! between layers.
 
+use crate::numeric::principal_directions::sorted_eigen;
 use crate::stages::factor::{Rotated, RoundedFactors};
 use crate::stages::local_pca::LocalPca;
-use crate::stages::principal_directions::sorted_eigen;
 use crate::stages::texel_coordinates::Coordinates;
 use btf_runtime::{
     Basis, Coefficients, MAX_BASIS_STEP, MAX_COEFFICIENT_STEP, MAX_COMPONENTS, PredictedGroup, Residual, SharedBases,

@@ -1,7 +1,7 @@
 //! Factorisation of the shared bases over light x view: two matrices a colour channel by a weighted higher-order SVD
 //! [De Lathauwer 2000] in a luma-chroma frame, and each basis' core in them.
 
-use crate::stages::principal_directions::sorted_eigen;
+use crate::numeric::principal_directions::sorted_eigen;
 use btf_runtime::{COLOUR_FRAME, Factors};
 use half::f16;
 use nalgebra::DMatrix;

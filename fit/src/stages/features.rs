@@ -2,12 +2,12 @@
 //! pass that projects every texel.
 
 use crate::error::FitError;
-use crate::input::holdout::Holdout;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{Mapping, TileCache};
 use crate::monitor::Monitor;
+use crate::numeric::principal_directions::{ROW_BLOCK, Rows, principal_directions};
+use crate::priors::holdout::Holdout;
 use crate::resume::stored::stored_structs;
-use crate::stages::principal_directions::{ROW_BLOCK, Rows, principal_directions};
 use ndarray::{Array2, s};
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -51,10 +51,10 @@ pub fn features(
         let rows = block.as_slice_mut().unwrap_or_default();
         rows[first * samples..next * samples].par_chunks_mut(samples).enumerate().for_each(|(i, row)| {
             loaded.texel_mapped(chosen[first + i] - range.start, row, mapping);
-            holdout.fill(row);
         });
         monitor.report("project", tile + 1, 2 * cache.tile_count())?;
     }
+    holdout.fill(&mut block);
     let mean = block.mean_axis(ndarray::Axis(0)).unwrap_or_else(|| ndarray::Array1::zeros(samples));
     block -= &mean;
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
@@ -80,8 +80,8 @@ pub fn features(
                 for (i, mut row) in block.rows_mut().into_iter().enumerate() {
                     let row = row.as_slice_mut().unwrap_or_default();
                     loaded.texel_mapped(first + i, row, mapping);
-                    holdout.fill(row);
                 }
+                holdout.fill(&mut block);
                 block -= &mean;
                 (first, block.dot(&basis))
             })

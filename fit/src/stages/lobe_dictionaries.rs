@@ -1,10 +1,10 @@
 //! The lobe dictionaries of all clusters, each fitted to representative texels, and what the lobes achieve.
 
 use crate::error::FitError;
-use crate::input::holdout::Holdout;
 use crate::input::pair_stride::stride_over_pairs;
 use crate::input::tile_cache::TileCache;
 use crate::monitor::Monitor;
+use crate::priors::holdout::Holdout;
 use crate::resume::stored::stored_structs;
 use crate::stages::candidates::candidate_lobes;
 use crate::stages::dictionary::{Dictionary, Pairs, Target, build_dictionary};

@@ -1,7 +1,7 @@
 //! Local PCA [Muller 2003] in coordinates: a mean and principal components per cluster, and texels moved to the cluster
 //! whose model leaves the least of them.
 
-use crate::stages::principal_directions::{orthonormalize, sorted_eigen, transposed_product};
+use crate::numeric::principal_directions::{orthonormalize, sorted_eigen, transposed_product};
 use ndarray::{Array1, Array2, ArrayView2, Axis, s};
 use rayon::prelude::*;
 

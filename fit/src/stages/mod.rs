@@ -12,7 +12,6 @@ pub(crate) mod lasso;
 pub(crate) mod lobe_dictionaries;
 pub(crate) mod lobe_weights;
 pub(crate) mod local_pca;
-pub(crate) mod principal_directions;
 pub(crate) mod rate_labels;
 pub(crate) mod residual_source;
 pub(crate) mod slopes;

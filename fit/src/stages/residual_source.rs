@@ -1,10 +1,10 @@
 //! Residual of every texel, in the residual's curve, computed when it is read.
 
 use crate::error::FitError;
-use crate::input::holdout::Holdout;
 use crate::input::residual_curve::Curve;
 use crate::input::tile_cache::{Mapping, Tile, TileCache};
-use crate::stages::principal_directions::ROW_BLOCK;
+use crate::numeric::principal_directions::ROW_BLOCK;
+use crate::priors::holdout::Holdout;
 use crate::stages::sparse::{ClusterLobes, Selection};
 use btf_runtime::lobe_sum_at_pairs;
 use ndarray::Array2;
@@ -54,7 +54,6 @@ impl ResidualSource<'_> {
             let nothing = self.curve.encode(0.0);
             row.iter_mut().for_each(|x| *x -= nothing);
         }
-        self.holdout.fill(row);
     }
 
     /// Returns the rows of the texels with numbers `range` in a block, `[number, sample]`; `texel` tells which texel of
@@ -66,6 +65,7 @@ impl ResidualSource<'_> {
         for (index, mut row) in range.zip(rows.rows_mut()) {
             self.row(block, index, texel(index), row.as_slice_mut().unwrap_or_default(), &mut scratch);
         }
+        self.holdout.fill(&mut rows);
         rows
     }
 

@@ -4,8 +4,8 @@
 use crate::error::FitError;
 use crate::input::texel_sample::texel_sample;
 use crate::monitor::Monitor;
+use crate::numeric::principal_directions::{Rows, principal_directions, rows_made};
 use crate::resume::stored::stored_structs;
-use crate::stages::principal_directions::{Rows, principal_directions, rows_made};
 use crate::stages::residual_source::ResidualSource;
 use ndarray::{Array2, s};
 use rand::SeedableRng;

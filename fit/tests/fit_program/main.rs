@@ -4,6 +4,7 @@
 mod command_line;
 mod containers;
 mod extremes;
+mod library;
 mod memory;
 mod packed;
 mod painted;

@@ -9,6 +9,7 @@ pub mod demo;
 pub mod fuzz;
 pub mod gpu_report;
 pub mod header;
+pub mod priors;
 pub mod python;
 pub mod setup;
 pub mod shaders;

@@ -6,22 +6,6 @@ use crate::sample_asset::sample_asset;
 use btf_runtime::pack;
 
 #[test]
-fn base64_follows_the_test_vectors_of_rfc_4648() {
-    for (plain, coded) in [
-        ("", ""),
-        ("f", "Zg=="),
-        ("fo", "Zm8="),
-        ("foo", "Zm9v"),
-        ("foob", "Zm9vYg=="),
-        ("fooba", "Zm9vYmE="),
-        ("foobar", "Zm9vYmFy"),
-    ] {
-        assert_eq!(base64(plain.as_bytes()), coded);
-    }
-    assert_eq!(base64(&[0xfb, 0xff]), "+/8=");
-}
-
-#[test]
 fn the_nearest_direction_is_found_on_either_side() {
     let set = DirectionSet::bonn81();
     assert_eq!(set.directions()[nearest(&set, [44.0, 181.0])], Direction::new(45.0, 180.0));

@@ -2,7 +2,7 @@
 //! ([`super::light_map`]), all tiles side by side.
 
 use crate::export::ktx2::filtered::light_map::LightMap;
-use crate::stages::principal_directions::transposed_product;
+use crate::numeric::principal_directions::transposed_product;
 use block_compression::{BC7Settings, CompressionVariant, decode, encode};
 use half::f16;
 use nalgebra::DMatrix;
@@ -157,7 +157,7 @@ impl<'a> Bases<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stages::principal_directions::orthonormalize;
+    use crate::numeric::principal_directions::orthonormalize;
     use btf_capture::DirectionSet;
     use btf_runtime::Sphere;
     use rand::{Rng, SeedableRng};

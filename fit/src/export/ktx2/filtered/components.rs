@@ -13,7 +13,7 @@ use crate::export::ktx2::filtered::light_map::LightMap;
 use crate::export::ktx2::filtered::measured_rows::{MeasuredRows, mean_row};
 use crate::export::ktx2::filtered::planes::{Plane, encode_plane, scale_of};
 use crate::monitor::Monitor;
-use crate::stages::principal_directions::{ROW_BLOCK, Rows, principal_directions};
+use crate::numeric::principal_directions::{ROW_BLOCK, Rows, principal_directions};
 use ndarray::{Array1, Array2, Axis, s};
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;

@@ -6,7 +6,7 @@ use crate::export::ktx2::filtered::measured_rows::{CURVE, MeasuredRows};
 use crate::input::tile_cache::TILE_TEXELS;
 use crate::metrics::psnr_db_from_codes;
 use crate::monitor::Monitor;
-use crate::stages::principal_directions::ROW_BLOCK;
+use crate::numeric::principal_directions::ROW_BLOCK;
 use btf_capture::Transfer;
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;

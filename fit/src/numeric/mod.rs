@@ -1,0 +1,3 @@
+//! Numerical methods that several stages share.
+
+pub(crate) mod principal_directions;
