@@ -13,8 +13,8 @@ use crate::metadata::Metadata;
 use crate::shell::root;
 use crate::tools::python_module::{self, Build};
 use crate::tools::{
-    asset_tools, blender, browser, c_package, compilers, driver, peers, shader_tools, viewer_page, wasm, wasm_bindgen,
-    web_package, window_tools,
+    asset_tools, blender, browser, c_package, compilers, driver, peers, shader_tools, slurm, viewer_page, wasm,
+    wasm_bindgen, web_package, window_tools,
 };
 use std::path::Path;
 use steps::Suite;
@@ -108,6 +108,17 @@ fn install(suite: &mut Suite, target: &Path) {
     // Without a driver the tests fail and say how to get one: a renderer that was never drawn with is no renderer.
     suite.required_tool("driver", NO_GPU, driver::ensure);
     suite.tool("window tools", NO_GPU, window_tools::ensure);
+    // Not every machine can install it; the test then says that it was left out.
+    suite.step("Slurm", || match slurm::ensure() {
+        Ok(said) => {
+            println!("{said}");
+            Ok(Counts::PASSED)
+        }
+        Err(failure) => {
+            println!("{failure}");
+            Ok(Counts::SKIPPED)
+        }
+    });
     if suite.tool("tools for C", None, compilers::ensure) {
         suite.check("package for C++", || c_package::test(target, "dev").map_err(|failure| failure.to_string()));
     }

@@ -10,8 +10,19 @@ use crate::tools::driver;
 use std::path::{Path, PathBuf};
 
 /// The integration tests that use a GPU or programs of others; every other one needs nothing but Rust.
-const DEPENDENT: [&str; 10] =
-    ["c_programs", "fit_gpu", "golden", "leaf", "pictures", "promises", "shaders", "validation", "voltex", "window"];
+const DEPENDENT: [&str; 11] = [
+    "c_programs",
+    "fit_gpu",
+    "golden",
+    "leaf",
+    "pictures",
+    "promises",
+    "shaders",
+    "slurm",
+    "validation",
+    "voltex",
+    "window",
+];
 /// The unit tests that use a GPU: a part of their paths.
 const GPU_UNIT_TESTS: &str = "gpu_clock::";
 

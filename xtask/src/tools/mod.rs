@@ -13,6 +13,7 @@ pub mod peers;
 pub mod python_environment;
 pub mod python_module;
 pub mod shader_tools;
+pub mod slurm;
 pub mod viewer_page;
 pub mod wasm;
 pub mod wasm_bindgen;
