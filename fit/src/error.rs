@@ -85,6 +85,12 @@ pub enum FitError {
     /// A plan of a library, or a material of one, that is not usable.
     #[error("{0}")]
     Library(String),
+    /// A folder of finished stages that another fit works in.
+    #[error("{folder} is in use by another run of btf-fit; wait until it has ended or write another asset")]
+    InUse {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// A goal of `--bytes` or `--psnr` that no setting reaches.
     #[error("{0}")]
     Budget(String),

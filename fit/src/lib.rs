@@ -70,13 +70,12 @@ pub use inspect::lobe_use::LobeUse;
 pub use inspect::sections::SectionSize;
 pub use inspect::validate::{FindingCounts, FindingRecord, Validation, validate, validate_file, validate_voltex};
 pub use library::catalogue::{catalogue_csv, catalogue_html};
-pub use library::claim::{Asked, Claim, Claims, Holder, worker_name};
 pub use library::collect::{CollectedMaterial, Library, Status, collect_library};
 pub use library::discover::{discover_captures, glob_from_text};
 pub use library::likeness::Likeness;
 pub use library::options::MaterialOptions;
 pub use library::plan::{LibraryPlan, PlanRule, PlannedMaterial};
-pub use library::record::{FittedMaterial, LibraryFolders, MaterialRecord, Outcome};
+pub use library::record::FittedMaterial;
 pub use library::run::{RunNews, RunOutcome, RunParams, run_library};
 pub use library::scripts::{Scheduler, WorkerLimits, library_script};
 pub use measure::compare::{

@@ -9,6 +9,8 @@ use std::time::Instant;
 #[derive(Default)]
 pub struct Monitor {
     cancelled: Arc<AtomicBool>,
+    /// Flag of the monitor whose work this one is a part of.
+    whole_cancelled: Option<Arc<AtomicBool>>,
     listener: Option<Box<Listener>>,
     hearer: Option<Box<Hearer>>,
     /// Stages that run now, outermost first, each with the seconds of the stages that ran inside it.
@@ -41,10 +43,10 @@ impl Monitor {
         Monitor { hearer: Some(Box::new(hearer)), ..self }
     }
 
-    /// Returns a monitor for one of several pieces of work: it keeps its own stages and makes its own remarks, passes no progress
-    /// on, and stops where `self` does.
+    /// Returns a monitor for one of several pieces of work: it keeps its own stages, passes neither progress nor remarks on, and
+    /// stops where `self` does or where it is cancelled itself.
     pub fn of_one(&self) -> Monitor {
-        Monitor { cancelled: Arc::clone(&self.cancelled), ..Monitor::default() }
+        Monitor { whole_cancelled: Some(Arc::clone(&self.cancelled)), ..Monitor::default() }
     }
 
     /// Makes a remark, one sentence.
@@ -74,9 +76,17 @@ impl Monitor {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
+    /// Returns a function that asks the computation to stop, for another thread.
+    pub fn canceller(&self) -> impl Fn() + Send + 'static {
+        let flag = Arc::clone(&self.cancelled);
+        move || flag.store(true, Ordering::Relaxed)
+    }
+
     /// Returns `Err(Interrupted)` once [`Monitor::cancel`] was called.
     pub fn check(&self) -> Result<(), FitError> {
-        if self.cancelled.load(Ordering::Relaxed) { Err(FitError::Interrupted) } else { Ok(()) }
+        let flags = [Some(&self.cancelled), self.whole_cancelled.as_ref()];
+        let cancelled = flags.into_iter().flatten().any(|flag| flag.load(Ordering::Relaxed));
+        if cancelled { Err(FitError::Interrupted) } else { Ok(()) }
     }
 
     /// Reports progress and checks for cancellation. Inside a stage only its own progress is passed on, not that of
@@ -130,6 +140,16 @@ impl Monitor {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_of_several_pieces_of_work_stops_with_the_whole_and_by_itself_alone() {
+        let whole = Monitor::default();
+        let [one, other] = [whole.of_one(), whole.of_one()];
+        one.cancel();
+        assert!(one.check().is_err() && other.check().is_ok() && whole.check().is_ok());
+        whole.cancel();
+        assert!(other.check().is_err());
+    }
     use std::thread::sleep;
     use std::time::Duration;
 

@@ -31,7 +31,8 @@ impl Drop for Cluster {
 impl Cluster {
     /// Starts Slurm with everything below `folder`; `None` where it is not installed.
     fn start(folder: &Path) -> Option<Cluster> {
-        let installed = |name: &str| Command::new(name).arg("-V").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
+        let installed =
+            |name: &str| Command::new(name).arg("-V").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
         if !["slurmctld", "slurmd", "sbatch"].into_iter().all(installed) {
             return None;
         }

@@ -29,6 +29,8 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", type=Path)
     options = parser.parse_args()
+    if (options.share is None) == (options.list is None):
+        parser.error("give --share or --list")
 
     images = {}
     for path in sorted(options.capture.rglob("*")):
@@ -48,7 +50,8 @@ def main():
         os.link(path, target)
     manifest = options.capture / "capture.toml"
     text = manifest.read_text() if manifest.exists() else ""
-    (options.out / "capture.toml").write_text(f"{text}\nincomplete = true\n")
+    # At the top, before any table.
+    (options.out / "capture.toml").write_text(f"incomplete = true\n{text}")
     print(f"{options.out}: {len(kept)} of {len(images)} images")
 
 

@@ -1,6 +1,6 @@
 //! The residual's curve, tabulated: a fit evaluates it a thousand million times.
 
-use btf_runtime::ResidualKind;
+use btf_runtime::{ROOT, ResidualKind};
 
 /// Bits of a float that a table step spans: relative width 2^-11, so that linear interpolation errs by less than 1e-7.
 const STEP_BITS: u32 = 12;
@@ -42,6 +42,15 @@ impl Curve {
         let index = (offset >> STEP_BITS) as usize;
         let t = (offset & ((1 << STEP_BITS) - 1)) as f32 / (1u32 << STEP_BITS) as f32;
         self.table[index] + t * (self.table[index + 1] - self.table[index])
+    }
+
+    /// Returns the power of its argument that the curve is about; 0 for a logarithm, which is none.
+    pub fn power(&self) -> f32 {
+        match self.kind {
+            ResidualKind::Additive => 1.0,
+            ResidualKind::Root => 1.0 / ROOT,
+            ResidualKind::Log => 0.0,
+        }
     }
 
     /// Returns the exact curve `g`, for tables of samples.

@@ -63,6 +63,7 @@ function card(material) {
     line(card, "span", `${size(asset.bytes)}, ${error}, energy × ${asset.energy.toFixed(3)}`);
     line(card, "span", `${asset.size.join(" × ")} texels, ${asset.layers === 1 ? "1 layer" : `${asset.layers} layers`}, ${asset.seconds.toFixed(1)} s`);
     line(card, "span", asset.families);
+    asset.remarks.forEach((remark) => line(card, "span", remark, "reason"));
     const button = line(card, "button", like === material ? "Back to all" : "Materials like this one");
     button.onclick = () => {
       like = like === material ? null : material;

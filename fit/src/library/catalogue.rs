@@ -35,6 +35,7 @@ struct AssetEntry<'a> {
     layers: usize,
     seconds: f64,
     families: String,
+    remarks: &'a [String],
     picture: &'a str,
     features: Vec<f32>,
 }
@@ -51,7 +52,7 @@ pub fn catalogue_html(library: &Library, title: &str) -> String {
             h1 { (title) }
             p {
                 (library.materials.len()) " materials: " (count("fitted")) " fitted"
-                @for other in ["failed", "damaged", "in work", "open"] {
+                @for other in ["failed", "damaged", "in_work", "open"] {
                     @if count(other) > 0 { ", " (count(other)) " " (other) }
                 }
             }
@@ -69,7 +70,7 @@ pub fn catalogue_html(library: &Library, title: &str) -> String {
             label { "Show "
                 select #status {
                     option value="" { "all" }
-                    @for status in ["fitted", "failed", "damaged", "in work", "open"] { option value=(status) { (status) } }
+                    @for status in ["fitted", "failed", "damaged", "in_work", "open"] { option value=(status) { (status) } }
                 }
             }
             span #told {}
@@ -120,6 +121,7 @@ fn entry(material: &CollectedMaterial) -> Entry<'_> {
         layers: fitted.layers,
         seconds: material.seconds.unwrap_or_default(),
         families: families(material),
+        remarks: &fitted.remarks,
         picture: &fitted.thumbnail,
         features: fitted.likeness.features(),
     });

@@ -17,14 +17,18 @@ use std::time::{Duration, SystemTime};
 
 /// File in a claim that tells who holds it, and whose time of change tells when that worker was last alive.
 const HOLDER: &str = "holder.json";
+/// Least age of what is swept away: a claim is half made for much less.
+const MIN_SWEPT: Duration = Duration::from_secs(60);
 
 /// Holder of a claim.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Holder {
     /// Worker: host, process and a random number.
     pub worker: String,
     /// Number of workers that have tried before and were not heard of again.
     pub lost_before: u32,
+    /// Seconds without a sign of life after which this holder counts as lost, as it was started.
+    pub stale_after_s: f64,
 }
 
 /// The folder of the claims, as one worker sees it.
@@ -57,7 +61,7 @@ pub enum Asked<'a> {
 
 impl Claims {
     /// Opens the folder of the claims, and makes it where it is missing. `stale_after` is the time without a sign of life
-    /// after which a claim is taken over.
+    /// after which this worker's claims may be taken over.
     ///
     /// # Errors
     /// [`FitError::File`] if the folder cannot be made.
@@ -69,6 +73,12 @@ impl Claims {
     /// Returns the name of this worker.
     pub fn worker(&self) -> &str {
         &self.worker
+    }
+
+    /// Returns the time by the clock of the file system, seconds since 1970.
+    pub fn clock_s(&self) -> f64 {
+        let now = self.now().unwrap_or_else(|_| SystemTime::now());
+        now.duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
     }
 
     /// Asks for the material `name`.
@@ -87,7 +97,8 @@ impl Claims {
         } else if folder.exists() {
             return Ok(Asked::Taken);
         }
-        let holder = Holder { worker: self.worker.clone(), lost_before };
+        let stale_after_s = self.stale_after.as_secs_f64();
+        let holder = Holder { worker: self.worker.clone(), lost_before, stale_after_s };
         let temporary = self.temporary();
         let made = fs::create_dir(&temporary).and_then(|()| {
             fs::write(temporary.join(HOLDER), serde_json::to_vec(&holder).unwrap_or_default())?;
@@ -97,17 +108,12 @@ impl Claims {
             Ok(()) => Ok(Asked::Held(Claim { claims: self, folder, lost_before })),
             Err(error) => {
                 let _ = fs::remove_dir_all(&temporary);
-                let taken = folder.join(HOLDER).exists();
+                // Another worker may have given it back again by now; it is asked for once more in another round.
+                let others = [io::ErrorKind::DirectoryNotEmpty, io::ErrorKind::AlreadyExists];
+                let taken = others.contains(&error.kind()) || folder.join(HOLDER).exists();
                 if taken { Ok(Asked::Taken) } else { Err(failed(&folder, "claiming a material", error)) }
             }
         }
-    }
-
-    /// Returns who holds `name` and for how long nothing was heard of it; `None` where nobody does.
-    pub fn holder(&self, name: &str) -> Option<(Holder, Duration)> {
-        let folder = self.folder.join(name);
-        let (holder, age) = (read_holder(&folder)?, self.age(&folder).ok()??);
-        Some((holder, age))
     }
 
     /// Removes what workers that were killed left of unfinished claims, where it is stale.
@@ -115,9 +121,9 @@ impl Claims {
         for entry in fs::read_dir(&self.folder).into_iter().flatten().flatten() {
             let path = entry.path();
             let temporary = entry.file_name().to_string_lossy().starts_with('.');
-            let old = matches!(self.age(&path), Ok(Some(age)) if age > self.stale_after);
-            if temporary && (old || !path.join(HOLDER).exists() && self.folder_age(&path) > self.stale_after) {
-                let _ = fs::remove_dir_all(path);
+            if temporary && self.age_of(&path).is_ok_and(|age| age > self.stale_after.max(MIN_SWEPT)) {
+                // A file is what a look at the clock left.
+                let _ = fs::remove_file(&path).or_else(|_| fs::remove_dir_all(&path));
             }
         }
     }
@@ -125,7 +131,8 @@ impl Claims {
     /// Returns the holder, where it can be read, of a claim that is stale; `None` where there is no claim or a fresh one.
     fn stale(&self, folder: &Path) -> Result<Option<Option<Holder>>, FitError> {
         let age = self.age(folder).map_err(|source| failed(folder, "reading a claim", source))?;
-        Ok(age.filter(|age| *age > self.stale_after).map(|_| read_holder(folder)))
+        let holder = read_holder(folder);
+        Ok(age.filter(|age| *age > self.patience(&holder)).map(|_| holder))
     }
 
     /// Removes the stale claim of `holder`. Returns whether this worker was the one that did.
@@ -135,7 +142,7 @@ impl Claims {
             return Ok(false);
         }
         // Between the look and the renaming another worker may have taken it over: then it is put back.
-        let fresh = matches!(self.age(&aside), Ok(Some(age)) if age <= self.stale_after);
+        let fresh = matches!(self.age(&aside), Ok(Some(age)) if age <= self.patience(holder));
         if (fresh || read_holder(&aside) != *holder) && fs::rename(&aside, folder).is_ok() {
             return Ok(false);
         }
@@ -143,21 +150,25 @@ impl Claims {
         Ok(!fresh)
     }
 
+    /// Returns how long a holder may be silent: as long as it said itself.
+    fn patience(&self, holder: &Option<Holder>) -> Duration {
+        let said = holder.as_ref().and_then(|holder| Duration::try_from_secs_f64(holder.stale_after_s).ok());
+        said.unwrap_or(self.stale_after)
+    }
+
     /// Returns the time since a claim was touched, by the clock of the file system; `None` where there is none.
     fn age(&self, folder: &Path) -> io::Result<Option<Duration>> {
-        match fs::metadata(folder.join(HOLDER)).and_then(|meta| meta.modified()) {
-            Ok(touched) => Ok(Some(self.now()?.duration_since(touched).unwrap_or_default())),
+        match self.age_of(&folder.join(HOLDER)) {
+            Ok(age) => Ok(Some(age)),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(error),
         }
     }
 
-    fn folder_age(&self, folder: &Path) -> Duration {
-        let touched = fs::metadata(folder).and_then(|meta| meta.modified());
-        match (touched, self.now()) {
-            (Ok(touched), Ok(now)) => now.duration_since(touched).unwrap_or_default(),
-            _ => Duration::ZERO,
-        }
+    /// Returns the time since a file or a folder was changed.
+    fn age_of(&self, path: &Path) -> io::Result<Duration> {
+        let changed = fs::metadata(path)?.modified()?;
+        Ok(self.now()?.duration_since(changed).unwrap_or_default())
     }
 
     /// Returns the time by the clock of the file system, which all workers share, whatever their own clocks say.
@@ -177,8 +188,11 @@ impl Claims {
 }
 
 impl Claim<'_> {
-    /// Tells that this worker is alive. Returns whether the claim is still its own.
+    /// Tells that this worker is alive, unless the claim is another's by now. Returns whether it is still its own.
     pub fn touch(&self) -> bool {
+        if !self.is_held() {
+            return false;
+        }
         let touched = File::options().append(true).open(self.folder.join(HOLDER)).and_then(|file| {
             // The file system's own time, not this machine's: rewriting a byte would do it too, but not as safely.
             file.set_times(fs::FileTimes::new().set_modified(self.claims.now()?))
@@ -208,6 +222,14 @@ impl Drop for Claim<'_> {
 pub fn worker_name() -> String {
     let host = gethostname::gethostname().to_string_lossy().replace(|c: char| !c.is_alphanumeric(), "-");
     format!("{host}-{}-{:08x}", std::process::id(), rand::random::<u32>())
+}
+
+/// Returns who holds `name` in the folder of claims, and for about how long nothing was heard of it, by this machine's clock;
+/// `None` where nobody does. Writes nothing.
+pub fn holder_of(claims: &Path, name: &str) -> Option<(Holder, Duration)> {
+    let folder = claims.join(name);
+    let touched = fs::metadata(folder.join(HOLDER)).and_then(|meta| meta.modified()).ok()?;
+    Some((read_holder(&folder)?, SystemTime::now().duration_since(touched).unwrap_or_default()))
 }
 
 fn read_holder(folder: &Path) -> Option<Holder> {
@@ -272,22 +294,30 @@ mod tests {
         assert_eq!(own.lost_before, 1);
         assert!(!held(third.ask("wool").unwrap()));
         assert!(!lost.touch() && !lost.is_held() && own.touch());
-        assert_eq!(third.holder("wool").unwrap().0.worker, "b");
+        assert_eq!(holder_of(&third.folder, "wool").unwrap().0.worker, "b");
         // What the old holder gives back is not the new one's.
         drop(lost);
         assert!(own.is_held());
         drop(own);
-        assert!(third.holder("wool").is_none());
+        assert!(holder_of(&third.folder, "wool").is_none());
     }
 
     #[test]
     fn what_a_killed_worker_left_half_claimed_is_swept() {
         let folder = tempfile::tempdir().unwrap();
         let worker = claims(folder.path(), "a", 50);
-        fs::create_dir(folder.path().join("claims/.gone-1")).unwrap();
+        let [made, clock, new] = [".gone-1", ".gone-2", ".new"].map(|name| folder.path().join("claims").join(name));
+        fs::create_dir(&made).unwrap();
+        File::create(&clock).unwrap();
+        let long_ago = fs::FileTimes::new().set_modified(SystemTime::now() - 2 * MIN_SWEPT);
+        for path in [&made, &clock] {
+            File::open(path).unwrap().set_times(long_ago).unwrap();
+        }
+        fs::create_dir(&new).unwrap();
         let Asked::Held(own) = worker.ask("wool").unwrap() else { panic!("free") };
-        sleep(Duration::from_millis(120));
         worker.sweep();
+        assert!(new.exists() && !made.exists() && !clock.exists());
+        fs::remove_dir(new).unwrap();
         let left: Vec<_> =
             fs::read_dir(folder.path().join("claims")).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert_eq!(left, ["wool"]);

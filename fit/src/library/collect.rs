@@ -3,7 +3,7 @@
 use crate::error::FitError;
 use crate::inspect::load::read_file;
 use crate::inspect::validate::validate;
-use crate::library::claim::{Claims, worker_name};
+use crate::library::claim::holder_of;
 use crate::library::plan::{LibraryPlan, PlannedMaterial};
 use crate::library::record::{FittedMaterial, LibraryFolders, Outcome, read_record, record_key};
 use crate::monitor::Monitor;
@@ -11,7 +11,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
 
 /// A library with what became of each of its materials, in the order of the plan.
 #[derive(Debug, Clone, Serialize)]
@@ -74,7 +73,7 @@ impl Status {
             Status::Fitted => "fitted",
             Status::Failed { .. } => "failed",
             Status::Damaged { .. } => "damaged",
-            Status::InWork { .. } => "in work",
+            Status::InWork { .. } => "in_work",
             Status::Open => "open",
         }
     }
@@ -89,29 +88,19 @@ impl Status {
 pub fn collect_library(path: &Path, monitor: &Monitor) -> Result<Library, FitError> {
     let plan = LibraryPlan::read(path)?;
     let folders = LibraryFolders::of_plan(&plan, path);
-    let claims = match folders.claims().is_dir() {
-        // Only looked at, so when a claim is stale does not matter.
-        true => Some(Claims::open(folders.claims(), worker_name(), Duration::MAX)?),
-        false => None,
-    };
     let done = AtomicUsize::new(0);
     let collected = plan.materials.par_iter().map(|material| {
         monitor.report("collect", done.fetch_add(1, Ordering::Relaxed), plan.materials.len())?;
-        Ok(collect(&plan, &folders, claims.as_ref(), material))
+        Ok(collect(&plan, &folders, material))
     });
     Ok(Library { materials: collected.collect::<Result<_, FitError>>()?, assets: folders.assets.clone() })
 }
 
-fn collect(
-    plan: &LibraryPlan,
-    folders: &LibraryFolders,
-    claims: Option<&Claims>,
-    material: &PlannedMaterial,
-) -> CollectedMaterial {
+fn collect(plan: &LibraryPlan, folders: &LibraryFolders, material: &PlannedMaterial) -> CollectedMaterial {
     let name = material.name.clone();
     let key = record_key(material, &plan.options_of(material));
     let record = read_record(folders, &name).filter(|record| record.key == key);
-    let holder = claims.and_then(|claims| claims.holder(&name));
+    let holder = holder_of(&folders.claims(), &name);
     let seconds = record.as_ref().map(|record| record.seconds);
     let (status, fitted) = match (record.map(|record| record.outcome), holder) {
         (Some(Outcome::Fitted(fitted)), _) => match fault(&folders.asset(&name), &fitted) {

@@ -1,25 +1,33 @@
 //! Finds the captures below a folder, without reading their images.
 
 use crate::error::FitError;
+use crate::output_path::real_path;
 use glob::Pattern;
+use std::collections::BTreeSet;
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Deepest folder nesting that is searched.
 const MAX_DEPTH: usize = 12;
-/// Names of a capture's own files.
+/// Name of the file that describes a capture.
 const MANIFEST: &str = "capture.toml";
+/// Bytes of a table in which its heading is looked for.
+const MAX_HEADING_BYTES: usize = 4096;
 
-/// Returns the captures below `folder`, sorted: folders that hold images or a `capture.toml`, archives, UBO2014 files. A
-/// folder within a capture is part of it. With `globs` only those whose path below `folder` matches one of them.
+/// Returns the captures below `folder`, sorted: folders that hold images, a list of images or a `capture.toml`, archives,
+/// UBO2014 files. A folder within a capture is part of it. With `globs` only those whose path below `folder` matches one of
+/// them.
 ///
 /// # Errors
-/// [`FitError::File`] if a folder cannot be listed; [`FitError::Params`] for what is no glob.
+/// [`FitError::File`] if a folder cannot be listed; [`FitError::Params`] for what is no glob, and for a folder that is a
+/// capture itself.
 pub fn discover_captures(folder: &Path, globs: &[String]) -> Result<Vec<PathBuf>, FitError> {
     let patterns: Result<Vec<Pattern>, FitError> = globs.iter().map(|text| glob_from_text(text)).collect();
     let patterns = patterns?;
     let mut found = Vec::new();
-    search(folder, Path::new(""), 0, &mut found)?;
+    let mut search = Search { root: folder, seen: BTreeSet::new(), found: &mut found };
+    search.below(Path::new(""), 0)?;
     found.retain(|path| patterns.is_empty() || patterns.iter().any(|glob| glob.matches_path(path)));
     found.sort();
     Ok(found)
@@ -34,47 +42,78 @@ pub fn glob_from_text(text: &str) -> Result<Pattern, FitError> {
         .map_err(|error| FitError::Params(format!("`{text}` is no glob: {error}; write it as in leather*")))
 }
 
-/// Adds the captures in `root/below`, as paths below `root`.
-fn search(root: &Path, below: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), FitError> {
-    let folder = root.join(below);
-    let failed = |source| FitError::File {
-        path: folder.clone(),
-        action: "listing the folder",
-        source,
-        remedy: "give a folder of captures that can be read",
-    };
-    let (mut folders, mut files) = (Vec::new(), Vec::new());
-    for entry in fs::read_dir(&folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        let name = entry.file_name().to_string_lossy().into_owned();
-        if name.starts_with('.') {
-            continue;
+/// A search for captures.
+struct Search<'a> {
+    root: &'a Path,
+    /// Real paths of the folders that were listed: links may lead in a circle.
+    seen: BTreeSet<PathBuf>,
+    /// The captures, as paths below the root.
+    found: &'a mut Vec<PathBuf>,
+}
+
+impl Search<'_> {
+    /// Adds the captures in the folder `below` the root.
+    fn below(&mut self, below: &Path, depth: usize) -> Result<(), FitError> {
+        let folder = self.root.join(below);
+        let failed = |source| FitError::File {
+            path: folder.clone(),
+            action: "listing the folder",
+            source,
+            remedy: "give a folder of captures that can be read",
+        };
+        if !self.seen.insert(real_path(&folder)) {
+            return Ok(());
         }
-        // Links are followed, as a capture's reader does.
-        match fs::metadata(entry.path()) {
-            Ok(meta) if meta.is_dir() => folders.push(name),
-            Ok(_) => files.push(name),
-            Err(_) => {}
+        let (mut folders, mut files) = (Vec::new(), Vec::new());
+        for entry in fs::read_dir(&folder).map_err(failed)? {
+            let entry = entry.map_err(failed)?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if name.starts_with('.') {
+                continue;
+            }
+            // Links are followed, as a capture's reader does.
+            match fs::metadata(entry.path()) {
+                Ok(meta) if meta.is_dir() => folders.push(name),
+                Ok(_) => files.push(name),
+                Err(_) => {}
+            }
         }
-    }
-    if depth > 0 && is_capture(&folders, &files) {
-        found.push(below.to_path_buf());
-        return Ok(());
-    }
-    found.extend(files.iter().filter(|name| is_capture_file(name)).map(|name| below.join(name)));
-    if depth < MAX_DEPTH {
-        folders.sort();
-        for name in folders {
-            search(root, &below.join(name), depth + 1, found)?;
+        if is_capture(&folder, &folders, &files) {
+            if depth == 0 {
+                let shown = folder.display();
+                return Err(FitError::Params(format!("{shown} is a capture itself; give the folder above it")));
+            }
+            self.found.push(below.to_path_buf());
+            return Ok(());
         }
+        self.found.extend(files.iter().filter(|name| is_capture_file(name)).map(|name| below.join(name)));
+        if depth < MAX_DEPTH {
+            folders.sort();
+            for name in folders {
+                self.below(&below.join(name), depth + 1)?;
+            }
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Tells whether a folder with these folders and files is a capture.
-fn is_capture(folders: &[String], files: &[String]) -> bool {
-    files.iter().any(|name| name == MANIFEST || is_image_of_a_pair(name))
+fn is_capture(folder: &Path, folders: &[String], files: &[String]) -> bool {
+    files.iter().any(|name| name == MANIFEST || is_image_of_a_pair(name) || is_list(&folder.join(name)))
         || folders.iter().any(|name| is_view_folder(name))
+}
+
+/// Tells whether a file is a table whose first line has the columns of a list of images.
+fn is_list(path: &Path) -> bool {
+    if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        return false;
+    }
+    let mut heading = vec![0; MAX_HEADING_BYTES];
+    let Ok(length) = fs::File::open(path).and_then(|mut file| file.read(&mut heading)) else { return false };
+    let text = String::from_utf8_lossy(&heading[..length]).into_owned();
+    let line = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#')).unwrap_or_default();
+    let columns: Vec<&str> = line.split([',', ';', '\t']).map(|column| column.trim().trim_matches('"')).collect();
+    columns.contains(&"file") && ["theta_v", "x_v"].iter().any(|column| columns.contains(column))
 }
 
 /// Tells whether a folder is that of a view in Bonn's layout, as `tv000_pv000`.
@@ -121,6 +160,9 @@ mod tests {
         touch("zips/red.zip");
         touch("zips/blue.BTF");
         touch("notes/readme.txt");
+        touch("notes/prices.csv");
+        touch("rig/shots/1.png");
+        fs::write(root.path().join("rig/list.csv"), "# a rig\nfile; theta_v; phi_v; theta_l; phi_l\n").unwrap();
         touch("notes/tvs_pvc/a.txt");
         touch(".hidden/capture.toml");
         let found = |globs: &[&str]| {
@@ -129,9 +171,11 @@ mod tests {
         };
         assert_eq!(
             found(&[]),
-            ["cloth/list", "cloth/wool", "flat", "zips/blue.BTF", "zips/red.zip"].map(PathBuf::from)
+            ["cloth/list", "cloth/wool", "flat", "rig", "zips/blue.BTF", "zips/red.zip"].map(PathBuf::from)
         );
         assert_eq!(found(&["cloth/*", "*.zip"]), ["cloth/list", "cloth/wool", "zips/red.zip"].map(PathBuf::from));
+        let itself = discover_captures(&root.path().join("cloth/wool"), &[]).unwrap_err().to_string();
+        assert!(itself.contains("the folder above"), "{itself}");
         assert!(glob_from_text("[").unwrap_err().to_string().contains("no glob"));
         assert!(discover_captures(&root.path().join("gone"), &[]).unwrap_err().to_string().contains("gone"));
     }

@@ -35,7 +35,7 @@ pub struct MaterialOptions {
     /// Seed of every random choice.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// Most memory to use, as `4GB`; changes nothing in the asset.
+    /// Most memory to use, as `4GB`; near the least that a capture needs accuracy falls.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "size")]
     pub memory: Option<String>,
     /// Materials of a higher priority are fitted first; 0 if not given.
@@ -94,7 +94,7 @@ impl MaterialOptions {
 
     /// Returns the options that change an asset, as text.
     pub(crate) fn signature(&self) -> String {
-        let shown = MaterialOptions { priority: None, memory: None, ..self.clone() };
+        let shown = MaterialOptions { priority: None, ..self.clone() };
         serde_json::to_string(&shown).unwrap_or_default()
     }
 }

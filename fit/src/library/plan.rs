@@ -14,6 +14,8 @@ use std::str::FromStr;
 const VERSION: u32 = 1;
 /// Largest file that is read: a material takes some 100 bytes.
 const MAX_PLAN_BYTES: u64 = 64 << 20;
+/// Largest part of a capture's path that becomes a part of a name: numbers still fit behind it.
+const MAX_PART_BYTES: usize = 150;
 /// First lines of every plan.
 const HEADER: &str = "\
 # A library of materials: `btf-fit library run` fits what is not yet done, `collect` checks it and writes a catalogue.
@@ -43,6 +45,7 @@ pub struct LibraryPlan {
 
 /// Options of the materials whose names match a glob.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PlanRule {
     /// Glob over names: `*`, `?`, `[a-z]`.
     #[serde(rename = "match")]
@@ -54,6 +57,7 @@ pub struct PlanRule {
 
 /// A material of the library.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PlannedMaterial {
     /// Name: that of its asset without `.spmm`.
     pub name: String,
@@ -209,10 +213,16 @@ fn name_fault(name: &str) -> Option<&'static str> {
 fn free_name(capture: &Path, taken: &BTreeSet<String>) -> String {
     let clean = |part: &str| -> String {
         let kept = part.chars().map(|c| if c.is_alphanumeric() || "-_+.,".contains(c) { c } else { '_' });
-        kept.collect::<String>().trim_matches('.').to_string()
+        let mut kept: String = kept.collect();
+        while kept.len() > MAX_PART_BYTES {
+            kept.pop();
+        }
+        kept.trim_matches('.').to_string()
     };
-    let parts: Vec<String> = capture
-        .with_extension("")
+    // Only what tells the kind of a file is cut off: leather-0.5 and leather-0.7 are two folders.
+    let kind = capture.extension().filter(|kind| ["zip", "btf"].iter().any(|known| kind.eq_ignore_ascii_case(known)));
+    let whole = if kind.is_some() { capture.with_extension("") } else { capture.to_path_buf() };
+    let parts: Vec<String> = whole
         .components()
         .map(|part| clean(&part.as_os_str().to_string_lossy()))
         .filter(|part| !part.is_empty())
@@ -278,9 +288,11 @@ mod tests {
         assert!(refused(|plan| plan.rules[0].matching = "[".into()).contains("no glob"));
         assert!(refused(|plan| plan.rules[0].options.clusters = Some(300)).contains("--clusters"));
         assert!(refused(|plan| plan.options.bytes = Some("lots".into())).contains("`lots`"));
-        std::fs::write(&path, "version = 1\nassets = 'a'\n\n[options]\nbites = '2MB'\n").unwrap();
-        let told = LibraryPlan::read(&path).unwrap_err().to_string();
-        assert!(told.contains("line 5") && told.contains("bites"), "{told}");
+        for table in ["[options]", "[[rules]]\nmatch = 'a*'", "[[materials]]\nname = 'a'\ncaptures = ['a']"] {
+            std::fs::write(&path, format!("version = 1\nassets = 'a'\n\n{table}\nbites = '2MB'\n")).unwrap();
+            let told = LibraryPlan::read(&path).unwrap_err().to_string();
+            assert!(told.contains(" line ") && told.contains("bites"), "{told}");
+        }
     }
 
     #[test]
@@ -301,7 +313,13 @@ mod tests {
         plan.check().unwrap();
         assert_eq!(plan.add_captures(&captures), 0);
         assert_eq!(plan.add_captures(&[PathBuf::from("a/../b/WOOL")]), 1);
+        let long = "x".repeat(250);
+        assert_eq!(
+            plan.add_captures(&["leather-0.5", "leather-0.7", &long, &format!("a/{long}")].map(PathBuf::from)),
+            4
+        );
         plan.check().unwrap();
-        assert_eq!(names(&plan).len(), 5);
+        assert_eq!(names(&plan).len(), 9);
+        assert!(names(&plan).contains(&"leather-0.7".to_string()));
     }
 }

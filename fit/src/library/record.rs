@@ -70,7 +70,7 @@ pub struct MaterialRecord {
     pub key: String,
     /// Worker that wrote the record.
     pub worker: String,
-    /// When the record was written, seconds since 1970 by the worker's clock.
+    /// When the record was written, seconds since 1970 by the clock of the file system.
     pub written_s: f64,
     /// Seconds that the fit took.
     pub seconds: f64,
@@ -103,6 +103,9 @@ pub struct FittedMaterial {
     pub layers: usize,
     /// Error against the captures.
     pub metrics: Metrics,
+    /// What a user should know of the fit, a sentence each.
+    #[serde(default)]
+    pub remarks: Vec<String>,
     /// Lobes of each family in the dictionaries of all layers, by the family's name.
     pub families: BTreeMap<String, usize>,
     /// Seconds by stage.

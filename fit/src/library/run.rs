@@ -11,17 +11,20 @@ use crate::library::record::{
 };
 use crate::library::thumbnail::thumbnail;
 use crate::monitor::Monitor;
+use crate::params::FitParams;
 use crate::peak_memory::peak_memory_bytes;
 use crate::pipeline::fitted::{Fitted, fit_and_measure};
 use crate::report::base64::base64;
 use crate::resume::checkpoint::remove_finished_stages;
 use btf_capture::{Capture, write_file_atomically};
 use glob::Pattern;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 /// Workers that may be lost with a material before it counts as failed.
 const MAX_LOST: u32 = 5;
@@ -30,6 +33,8 @@ const TOUCHES: u32 = 8;
 /// Samples of a capture from which on finished stages are kept for a worker that takes over: below, a fit takes less time than
 /// keeping them would be worth.
 const MIN_RESUMED_SAMPLES: usize = 100_000_000;
+/// Longest time between two looks at what other workers have left.
+const MAX_WAIT: Duration = Duration::from_secs(10);
 
 /// What a worker is asked for.
 #[derive(Debug, Clone)]
@@ -44,8 +49,10 @@ pub struct RunParams {
     pub retry: bool,
     /// Whether to wait until other workers have finished, too, and to take over what they leave.
     pub wait: bool,
-    /// Time without a sign of life after which a worker counts as lost.
+    /// Time without a sign of life after which this worker counts as lost.
     pub stale_after: Duration,
+    /// Most memory of a fit, bytes, where the plan names none; `None`: that of a fit.
+    pub memory_bytes: Option<u64>,
 }
 
 impl Default for RunParams {
@@ -57,6 +64,7 @@ impl Default for RunParams {
             retry: false,
             wait: false,
             stale_after: Duration::from_secs(300),
+            memory_bytes: None,
         }
     }
 }
@@ -91,6 +99,13 @@ pub enum RunNews<'a> {
     Failed(&'a str, &'a str),
 }
 
+/// Whether a claim was held until its material was done with.
+#[derive(PartialEq)]
+enum Held {
+    ToTheEnd,
+    Lost,
+}
+
 /// State of a material.
 enum State {
     Open,
@@ -115,8 +130,8 @@ pub fn run_library(
     folders.make()?;
     let claims = Claims::open(folders.claims(), worker_name(), params.stale_after)?;
     claims.sweep();
-    let worker =
-        Worker { plan: &plan, folders: &folders, claims: &claims, params, monitor, news, started_s: since_1970_s() };
+    let started_s = claims.clock_s();
+    let worker = Worker { plan: &plan, folders: &folders, claims: &claims, params, monitor, news, started_s };
     let mut outcome = RunOutcome::default();
     let mut open = worker.order();
     loop {
@@ -124,8 +139,11 @@ pub fn run_library(
         if open.is_empty() || !params.wait {
             break;
         }
-        monitor.check()?;
-        std::thread::sleep((params.stale_after / TOUCHES).min(Duration::from_secs(10)));
+        let until = Instant::now() + (params.stale_after / TOUCHES).min(MAX_WAIT);
+        while Instant::now() < until {
+            monitor.check()?;
+            std::thread::sleep(Duration::from_millis(100));
+        }
     }
     outcome.with_others = open.len();
     outcome.seconds = start.elapsed().as_secs_f64();
@@ -139,7 +157,7 @@ struct Worker<'a> {
     params: &'a RunParams,
     monitor: &'a Monitor,
     news: &'a (dyn Fn(RunNews) + Sync),
-    /// When the worker started, seconds since 1970.
+    /// When the worker started, seconds since 1970 by the clock of the file system.
     started_s: f64,
 }
 
@@ -154,7 +172,9 @@ impl Worker<'_> {
         let materials = &self.plan.materials;
         let mut order: Vec<usize> = (0..materials.len()).filter(|number| asked(&materials[*number])).collect();
         let priority = |number: usize| self.plan.options_of(&materials[number]).priority.unwrap_or(0);
-        order.sort_by_key(|number| (-priority(*number), (*number + count + 1 - shard) % count, *number));
+        let count = count.max(1);
+        let turn = |number: usize| (number % count + count - (shard.max(1) - 1) % count) % count;
+        order.sort_by_key(|number| (Reverse(priority(*number)), turn(*number), *number));
         order
     }
 
@@ -168,9 +188,15 @@ impl Worker<'_> {
             match self.state(material, &key) {
                 State::Done => outcome.done_before += 1,
                 State::Failed => outcome.failed_before += 1,
-                State::Open => match self.claims.ask(&material.name)? {
-                    Asked::Taken => with_others.push(*number),
-                    Asked::Held(claim) => self.fit_claimed(material, &key, &claim, outcome)?,
+                State::Open => match self.claims.ask(&material.name) {
+                    Ok(Asked::Taken) => with_others.push(*number),
+                    Ok(Asked::Held(claim)) => {
+                        if self.fit_claimed(material, &key, &claim, outcome)? == Held::Lost {
+                            with_others.push(*number);
+                        }
+                    }
+                    // Such as a full disk: others may be smaller, or it may be freed.
+                    Err(fault) => self.fail(&material.name, &fault.to_string(), outcome),
                 },
             }
         }
@@ -195,6 +221,12 @@ impl Worker<'_> {
         }
     }
 
+    /// Notes that a material has failed.
+    fn fail(&self, name: &str, reason: &str, outcome: &mut RunOutcome) {
+        (self.news)(RunNews::Failed(name, reason));
+        outcome.failed.insert(name.into(), reason.into());
+    }
+
     /// Fits a claimed material and writes what becomes of it.
     fn fit_claimed(
         &self,
@@ -202,36 +234,44 @@ impl Worker<'_> {
         key: &str,
         claim: &Claim,
         outcome: &mut RunOutcome,
-    ) -> Result<(), FitError> {
+    ) -> Result<Held, FitError> {
         let name = material.name.as_str();
         // Another worker may have finished it between the look and the claim.
-        if matches!(self.state(material, key), State::Done) {
-            outcome.done_before += 1;
-            return Ok(());
+        match self.state(material, key) {
+            State::Open => {}
+            State::Done => {
+                outcome.done_before += 1;
+                return Ok(Held::ToTheEnd);
+            }
+            State::Failed => {
+                outcome.failed_before += 1;
+                return Ok(Held::ToTheEnd);
+            }
         }
         (self.news)(RunNews::Begun(name));
         let start = Instant::now();
         let result = match claim.lost_before {
-            0..MAX_LOST => self.alive(claim, || self.fit(material, claim)),
+            0..MAX_LOST => self.alive(claim, |monitor| self.fit(material, claim, monitor)),
             lost => Err(FitError::Library(format!(
                 "{lost} workers were lost while they fitted it, killed or out of memory; fit it alone with `btf-fit fit`, or give less `memory`"
             ))),
         };
         let seconds = start.elapsed().as_secs_f64();
         outcome.fitting_s += seconds;
+        // Interrupted by its user: the material is given back.
+        self.monitor.check()?;
+        if !claim.is_held() {
+            // Another worker has taken over, and writes the record.
+            return Ok(Held::Lost);
+        }
         let outcome_of = match result {
-            Err(FitError::Interrupted) => {
-                // Interrupted by its user, or because another worker has taken over.
-                self.monitor.check()?;
-                return Ok(());
-            }
             Ok(fitted) => Outcome::Fitted(Box::new(fitted)),
             Err(fault) => Outcome::Failed(fault.to_string()),
         };
         let record = MaterialRecord {
             key: key.into(),
             worker: self.claims.worker().into(),
-            written_s: since_1970_s(),
+            written_s: self.claims.clock_s(),
             seconds,
             outcome: outcome_of,
         };
@@ -240,19 +280,20 @@ impl Worker<'_> {
             (Outcome::Fitted(fitted), Ok(())) => {
                 outcome.fitted += 1;
                 (self.news)(RunNews::Fitted(name, fitted));
-                return Ok(());
+                return Ok(Held::ToTheEnd);
             }
             (Outcome::Fitted(_), Err(fault)) => fault.to_string(),
             (Outcome::Failed(reason), _) => reason.clone(),
         };
-        (self.news)(RunNews::Failed(name, &reason));
-        outcome.failed.insert(name.into(), reason);
-        Ok(())
+        self.fail(name, &reason, outcome);
+        Ok(Held::ToTheEnd)
     }
 
     /// Runs `work` while a second thread tells that this worker is alive; stops it where the claim is lost.
-    fn alive<T>(&self, claim: &Claim, work: impl FnOnce() -> Result<T, FitError>) -> Result<T, FitError> {
+    fn alive<T>(&self, claim: &Claim, work: impl FnOnce(Monitor) -> Result<T, FitError>) -> Result<T, FitError> {
         let over = AtomicBool::new(false);
+        let monitor = self.monitor.of_one();
+        let stop = monitor.canceller();
         let every = self.params.stale_after / TOUCHES;
         std::thread::scope(|scope| {
             let beating = scope.spawn(|| {
@@ -261,11 +302,14 @@ impl Worker<'_> {
                     if over.load(Ordering::Acquire) {
                         break;
                     }
-                    claim.touch();
+                    if !claim.touch() && !claim.is_held() {
+                        stop();
+                        break;
+                    }
                 }
             });
             // A fault of ours in one material must not end the others.
-            let result = catch_unwind(AssertUnwindSafe(work));
+            let result = catch_unwind(AssertUnwindSafe(|| work(monitor)));
             over.store(true, Ordering::Release);
             beating.thread().unpark();
             result.unwrap_or_else(|_| {
@@ -275,20 +319,41 @@ impl Worker<'_> {
     }
 
     /// Fits a material and writes its asset.
-    fn fit(&self, material: &PlannedMaterial, claim: &Claim) -> Result<FittedMaterial, FitError> {
+    fn fit(&self, material: &PlannedMaterial, claim: &Claim, monitor: Monitor) -> Result<FittedMaterial, FitError> {
         let paths = self.folders.captures(material);
         let captures = paths.iter().map(Capture::open).collect::<Result<Vec<_>, _>>()?;
         let asset = self.folders.asset(&material.name);
         let options = self.plan.options_of(material);
         let mut params = options.params(&self.folders.assets);
+        if let (None, Some(bytes)) = (&options.memory, self.params.memory_bytes) {
+            params.memory_bytes = bytes;
+        }
         params.suit(&captures, options.clusters, options.lobes);
         let samples: usize = captures.iter().map(|c| 3 * c.info().pair_count() * c.info().texel_count()).sum();
         let kept: Option<PathBuf> =
             (samples >= MIN_RESUMED_SAMPLES).then(|| self.folders.assets.join(format!("{}.resume", material.name)));
         params.resume = kept.clone();
-        let monitor = self.monitor.of_one();
-        let fitted = fit_and_measure(&captures, &params.check()?, &monitor)?;
-        let described = describe(&fitted, &monitor)?;
+        let remarks = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&remarks);
+        let monitor = monitor.on_remark(move |sentence| {
+            if let Ok(mut heard) = heard.lock() {
+                heard.push(sentence.to_string());
+            }
+        });
+        let fitted = match fit_and_measure(&captures, &params.check()?, &monitor) {
+            // The worker that was taken for lost still works: without what it keeps, both can.
+            Err(FitError::InUse { .. }) => {
+                let alone = FitParams { resume: None, ..params.clone() };
+                fit_and_measure(&captures, &alone.check()?, &monitor)?
+            }
+            other => other?,
+        };
+        let mut described = describe(&fitted, &monitor)?;
+        described.remarks = remarks.lock().map(|remarks| remarks.clone()).unwrap_or_default();
+        if let Some(asked) = params.psnr_db.filter(|asked| fitted.metrics.psnr_db < *asked) {
+            let reached = fitted.metrics.psnr_db;
+            described.remarks.push(format!("{reached:.2} dB were reached, psnr asks for {asked}; give more clusters"));
+        }
         if !claim.is_held() {
             return Err(FitError::Interrupted);
         }
@@ -299,10 +364,6 @@ impl Worker<'_> {
         }
         Ok(described)
     }
-}
-
-fn since_1970_s() -> f64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }
 
 /// Returns what a catalogue shows of an asset.
@@ -321,6 +382,7 @@ fn describe(fitted: &Fitted, monitor: &Monitor) -> Result<FittedMaterial, FitErr
         directions: [first.views.len(), first.lights.len()],
         layers: fitted.asset.layers.len(),
         metrics: fitted.metrics,
+        remarks: Vec::new(),
         families,
         likeness: likeness(&fitted.resident),
         thumbnail: base64(&thumbnail(&fitted.resident)?),

@@ -30,16 +30,20 @@ pub struct WorkerLimits {
 pub fn library_script(scheduler: Scheduler, plan: &Path, program: &Path, limits: WorkerLimits) -> String {
     let WorkerLimits { workers, threads, memory_bytes } = limits;
     let [program, plan] = [program, plan].map(|path| path.display().to_string());
+    // What a fit plans for itself; the rest is for what it does not count, such as the program.
+    let megabytes = (memory_bytes / 4 * 3).div_ceil(1_000_000);
     let command = |shard: &str| {
         let [program, plan] = [&program, &plan].map(|path| shell_word(path));
-        format!("{program} library run {plan} --shard {shard}/{workers} --threads {threads} --quiet")
+        format!(
+            "{program} library run {plan} --shard {shard}/{workers} --threads {threads} --memory {megabytes}MB --quiet"
+        )
     };
     match scheduler {
         Scheduler::Slurm => {
             let megabytes = memory_bytes.div_ceil(1_000_000);
             format!(
                 "#!/bin/sh\n#SBATCH --job-name=btf-library\n#SBATCH --array=1-{workers}\n#SBATCH --cpus-per-task={threads}\n\
-                 #SBATCH --mem={megabytes}M\n#SBATCH --requeue\n#SBATCH --signal=TERM@60\n\
+                 #SBATCH --mem={megabytes}M\n#SBATCH --requeue\n#SBATCH --signal=B:TERM@60\n\
                  # A worker that is stopped gives its material back; one that is killed loses it to another after a while.\n\
                  exec {}\n",
                 command("\"$SLURM_ARRAY_TASK_ID\"")
@@ -52,7 +56,7 @@ pub fn library_script(scheduler: Scheduler, plan: &Path, program: &Path, limits:
                  import outline\nimport outline.cuerun\nimport outline.modules.shell\n\n\
                  job = outline.Outline(\"btf-library\", shot=\"library\", show=\"testing\")\n\
                  # One frame for each worker; #IFRAME# is its number.\n\
-                 layer = outline.modules.shell.Shell(\n    \"fit\",\n    command=[{}, {arguments}, {}, \"--shard\", \"#IFRAME#/{workers}\", \"--threads\", \"{threads}\", \"--quiet\"],\n    \
+                 layer = outline.modules.shell.Shell(\n    \"fit\",\n    command=[{}, {arguments}, {}, \"--shard\", \"#IFRAME#/{workers}\", \"--threads\", \"{threads}\", \"--memory\", \"{megabytes}MB\", \"--quiet\"],\n    \
                  range=\"1-{workers}\",\n    threads={threads},\n    memory={:?},\n)\n\
                  job.add_layer(layer)\noutline.cuerun.launch(job, use_pycuerun=False)\n",
                 python_text(&program),
@@ -94,14 +98,14 @@ mod tests {
         let lines = script(Scheduler::Shell, "/a/plan.toml");
         assert_eq!(
             lines.lines().nth(1).unwrap(),
-            "/opt/btf-fit library run /a/plan.toml --shard 2/3 --threads 2 --quiet"
+            "/opt/btf-fit library run /a/plan.toml --shard 2/3 --threads 2 --memory 3000MB --quiet"
         );
         assert_eq!(lines.lines().count(), 3);
         let slurm = script(Scheduler::Slurm, "/a/plan.toml");
         for line in ["#SBATCH --array=1-3", "#SBATCH --cpus-per-task=2", "#SBATCH --mem=4000M"] {
             assert!(slurm.lines().any(|found| found == line), "{line} in {slurm}");
         }
-        assert!(slurm.ends_with("--shard \"$SLURM_ARRAY_TASK_ID\"/3 --threads 2 --quiet\n"), "{slurm}");
+        assert!(slurm.ends_with("--shard \"$SLURM_ARRAY_TASK_ID\"/3 --threads 2 --memory 3000MB --quiet\n"), "{slurm}");
         let cue = script(Scheduler::OpenCue, "/a/plan.toml");
         assert!(cue.contains("range=\"1-3\"") && cue.contains("\"#IFRAME#/3\""), "{cue}");
     }

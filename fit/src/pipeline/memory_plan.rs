@@ -4,6 +4,7 @@ use crate::error::FitError;
 use crate::numeric::principal_directions::ROW_BLOCK;
 use crate::params::ValidFitParams;
 use crate::pipeline::representatives::REPRESENTATIVES;
+use crate::priors::functions::MAX_FUNCTIONS;
 use crate::stages::candidates::MAX_CANDIDATES;
 use crate::stages::heights;
 use crate::stages::lobe_dictionaries::DICTIONARY_SIZE;
@@ -103,7 +104,10 @@ fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, waiting
     // Coordinates twice more, codes and their planes.
     let encode = 2 * coordinates + 2 * bases + texels * CHOICE_BYTES;
     let heights = if params.finds_heights() { texels * heights::bytes_per_texel() + bases } else { 0 };
-    let most = [project, cluster, dictionary, weights, encode, heights].into_iter().fold(0, usize::max);
+    // Functions of the priors, those that have a share once more, and the weights of the prediction.
+    let predicts = params.leave_out() > 0.0 || !info.missing.is_empty();
+    let prediction = if predicts { 3 * FLOAT * MAX_FUNCTIONS * pairs } else { 0 };
+    let most = [project, cluster, dictionary, weights, encode, heights, prediction].into_iter().fold(0, usize::max);
     kept + most + PROGRAM_BYTES + threads * THREAD_BYTES
 }
 

@@ -151,19 +151,25 @@ impl<'a> LayerSource<'a> {
         Ok(source)
     }
 
-    /// Learns how held-back and missing pairs follow from the others. Not kept among the finished stages, because it is large
-    /// beside the time that it takes.
+    /// Learns how held-back and missing pairs follow from the others.
     fn prediction(&self) -> Result<Prediction, FitError> {
-        self.stages.monitor().stage("leave-out", || {
+        self.stages.run("leave-out", || {
             let chosen = texel_sample(self.info.texel_count(), HOLDOUT_SAMPLE, self.params.seed());
             let block = self.cache.gather(&chosen)?;
             let rows = self.residual(None).rows(&block, 0..chosen.len(), |index| chosen[index]);
             // Channels are samples of one covariance.
             let samples: Vec<_> = (0..3).map(|channel| rows.slice(s![.., channel..;3])).collect();
             let samples = ndarray::concatenate(Axis(0), &samples).unwrap_or_default();
-            let parts = prior_parts(self.params.priors(), &self.views, &self.lights, &self.curve)?;
+            let parts = prior_parts(
+                self.params.priors(),
+                sides_of_capture(self.info.side),
+                [&self.views, &self.lights],
+                &self.curve,
+            )?;
+            self.stages.monitor().check()?;
             let seen = self.holdout.seen(self.info.pair_count());
             let covariance = PairCovariance::adapted(&self.views, &self.lights, parts, samples.view(), &seen);
+            self.stages.monitor().check()?;
             Ok(Prediction::new(&covariance, seen, self.holdout.pairs.clone()))
         })
     }

@@ -5,7 +5,7 @@ use crate::priors::kernels::{KERNELS, Kernel, PairGeometry};
 use crate::priors::variances::{NOISE, variance_components};
 use btf_runtime::Sphere;
 use nalgebra::DMatrix;
-use ndarray::{Array1, Array2, ArrayView2, Axis};
+use ndarray::{Array1, Array2, ArrayView2, Axis, s};
 use rayon::prelude::*;
 
 /// Share of the samples' energy below which a part only takes time.
@@ -75,16 +75,22 @@ impl PairCovariance {
         // A little noise keeps matrices invertible.
         let kernels = kernels.filter(|((kernel, _), energy)| **energy > least || *kernel == Kernel::Noise);
         let kernels = kernels.map(|(kernel, _)| kernel).collect();
-        let scaled: Vec<Array2<f32>> = parts
+        let kept: Vec<(Array2<f32>, f64)> = parts
             .into_iter()
-            .zip(of_parts)
+            .zip(of_parts.iter().copied())
             .zip(part_energies)
             .filter(|(_, energy)| *energy > least)
-            .map(|((part, share), _)| part * share.sqrt() as f32)
+            .map(|(part, _)| part)
             .collect();
-        let views: Vec<ArrayView2<f32>> = scaled.iter().map(Array2::view).collect();
-        let functions = ndarray::concatenate(Axis(0), &views).unwrap_or_else(|_| Array2::zeros((0, pairs)));
-        let functions = functions.t().as_standard_layout().into_owned();
+        let count = kept.iter().map(|(part, _)| part.nrows()).sum();
+        let mut functions = Array2::zeros((pairs, count));
+        let mut first = 0;
+        for (part, share) in kept {
+            let root = share.sqrt() as f32;
+            let mut own = functions.slice_mut(s![.., first..first + part.nrows()]);
+            own.zip_mut_with(&part.t(), |to, x| *to = root * x);
+            first += part.nrows();
+        }
         PairCovariance { functions, kernels, geometry, noise }
     }
 

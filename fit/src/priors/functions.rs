@@ -18,38 +18,47 @@ const CLUSTER_TEXELS: usize = 64;
 const CLUSTER_FUNCTIONS: usize = 32;
 /// Turns about the normal. A material may lie in any direction.
 const TURNS: usize = 12;
-/// Functions that stand for all turned ones of a cluster.
+/// Functions that stand for all turned ones of a cluster, at most.
 const SPREAD_FUNCTIONS: usize = 160;
+/// Functions of all clusters of all priors together, at most: 134 MB for Bonn's pairs.
+pub const MAX_FUNCTIONS: usize = 5120;
+/// Samples of all clusters of a prior, at most: 160 MB, for a moment twice.
+const MAX_SAMPLES: usize = 40_000_000;
+/// Least cosine by which an exchanged function is scaled.
+const MIN_COSINE: f32 = 0.1;
 
 /// The principal functions of the clusters of an asset's first layer.
 #[derive(Debug, Clone)]
 pub struct PriorFunctions {
     views: Sphere,
     lights: Sphere,
+    /// Power of the curve, by which the light's cosine is in a function.
+    power: f32,
     /// Functions of each cluster, `[function, view x light]`, in the residual's curve; the mean over pairs of their squares'
     /// sum is 1.
     clusters: Vec<Array2<f32>>,
 }
 
 impl PriorFunctions {
-    /// Finds the functions of `asset`'s first layer in the curve of a fit.
+    /// Finds the functions of layer `number` of `asset` in the curve of a fit.
     ///
-    /// Cost: the decoding of 64 texels a cluster, and one eigendecomposition of 192 x 192 for each.
-    pub fn of_asset(asset: &Asset, curve: &Curve) -> PriorFunctions {
-        let layer = &asset.layers[0];
+    /// Cost: the decoding of the whole layer, and for each cluster one eigendecomposition of 192 x 192.
+    pub fn of_layer(asset: &Asset, number: usize, curve: &Curve) -> PriorFunctions {
+        let layer = &asset.layers[number];
+        let most = (MAX_SAMPLES / 3 / (layer.views.len() * layer.lights.len() * layer.dictionary.len()).max(1)).max(4);
         let (views, lights) = (layer.views.clone(), layer.lights.clone());
         let clusters: Vec<Vec<usize>> = (0..layer.dictionary.len())
             .map(|cluster| {
                 let members: Vec<usize> = (0..layer.texel_clusters.len())
                     .filter(|texel| usize::from(layer.texel_clusters[*texel]) == cluster)
                     .collect();
-                let count = members.len().min(CLUSTER_TEXELS);
+                let count = members.len().min(CLUSTER_TEXELS.min(most));
                 (0..count).map(|i| members[i * members.len() / count]).collect()
             })
             .filter(|members: &Vec<usize>| !members.is_empty())
             .collect();
         let resident = resident_in_parallel(asset);
-        let decoder = ImageDecoder::new(asset, &resident, 0, &DecodeOptions::default());
+        let decoder = ImageDecoder::new(asset, &resident, number, &DecodeOptions::default());
         let pairs = views.len() * lights.len();
         let chosen: Vec<usize> = clusters.concat();
         let nothing = curve.encode(0.0);
@@ -65,22 +74,35 @@ impl PriorFunctions {
             })
             .collect();
         let rows = Array2::from_shape_fn((3 * chosen.len(), pairs), |(row, pair)| columns[pair][row]);
+        drop(columns);
         let mut first = 0;
         let clusters = clusters.iter().map(|members| {
             let own = rows.slice(s![first..first + 3 * members.len(), ..]);
             first += 3 * members.len();
             principal_functions(own)
         });
-        PriorFunctions { clusters: clusters.filter(|functions| functions.nrows() > 0).collect(), views, lights }
+        PriorFunctions {
+            clusters: clusters.filter(|functions| functions.nrows() > 0).collect(),
+            power: curve.power(),
+            views,
+            lights,
+        }
     }
 
     /// Returns for each cluster functions at the pairs of `views` and `lights` that stand for its own, turned, mirrored and
     /// exchanged: `[function, view x light]`. The sum of their products between two pairs is the pairs' covariance.
     ///
-    /// Cost: four products of `24 x 32` rows and 160 columns over all pairs for each cluster.
-    pub fn spread(&self, views: &Sphere, lights: &Sphere) -> Vec<Array2<f32>> {
+    /// `all_clusters` are those of all priors together. Cost: four products of `24 x 32` rows and 160 columns over all
+    /// pairs for each cluster.
+    pub fn spread(&self, views: &Sphere, lights: &Sphere, all_clusters: usize) -> Vec<Array2<f32>> {
         let variants = Variants::new(self, views, lights);
-        self.clusters.par_iter().map(|functions| condensed(&variants.of(functions), SPREAD_FUNCTIONS)).collect()
+        let most = SPREAD_FUNCTIONS.min(MAX_FUNCTIONS / all_clusters.max(1)).max(1);
+        self.clusters.par_iter().map(|functions| condensed(&variants.of(functions), most)).collect()
+    }
+
+    /// Returns the number of clusters.
+    pub fn clusters(&self) -> usize {
+        self.clusters.len()
     }
 }
 
@@ -89,6 +111,9 @@ struct Variants {
     shape: [usize; 2],
     /// By view and by light of the prior, and whether light and eye are exchanged.
     variants: Vec<(Interpolation, Interpolation, bool)>,
+    /// What the cosines of view and of light make of an exchanged function: a sample is a reflectance times the light's cosine.
+    by_view: Vec<f32>,
+    by_light: Vec<f32>,
 }
 
 impl Variants {
@@ -100,7 +125,15 @@ impl Variants {
             let (by_view, by_light) = if exchanged { (lights, views) } else { (views, lights) };
             (turned(by_view, &prior.views), turned(by_light, &prior.lights), exchanged)
         });
-        Variants { shape: [prior.views.len(), prior.lights.len()], variants: variants.collect() }
+        let cosines = |sphere: &Sphere, power: f32| -> Vec<f32> {
+            (0..sphere.len() as u32).map(|id| sphere.direction(id)[2].max(MIN_COSINE).powf(power)).collect()
+        };
+        Variants {
+            shape: [prior.views.len(), prior.lights.len()],
+            variants: variants.collect(),
+            by_view: cosines(views, -prior.power),
+            by_light: cosines(lights, prior.power),
+        }
     }
 
     /// Returns all variants of `functions`, scaled to keep their energy together.
@@ -117,8 +150,15 @@ impl Variants {
                 // The shape is the functions' own.
                 let own = row.to_shape(self.shape).map(|own| own.into_owned()).unwrap_or_default();
                 let found = by_view.apply(by_light.apply(own.t()).t());
-                let found = if *exchanged { found.reversed_axes() } else { found };
-                found.iter().map(|x| scale * x).collect()
+                let lights = self.by_light.len();
+                match exchanged {
+                    false => found.iter().map(|x| scale * x).collect(),
+                    true => {
+                        let pairs = found.t();
+                        let cosines = |pair: usize| self.by_view[pair / lights] * self.by_light[pair % lights];
+                        pairs.iter().enumerate().map(|(pair, x)| scale * cosines(pair) * x).collect()
+                    }
+                }
             })
             .collect();
         let pairs = rows.first().map_or(0, Vec::len);
@@ -197,13 +237,13 @@ mod tests {
     fn functions_keep_the_energy_of_what_they_stand_for_and_are_those_of_the_texels() {
         let set = DirectionSet::bonn81();
         let asset = sample_asset_with(5, 4, &set, &set, ResidualKind::Root);
-        let functions = PriorFunctions::of_asset(&asset, &Curve::new(ResidualKind::Root, 0.003));
+        let functions = PriorFunctions::of_layer(&asset, 0, &Curve::new(ResidualKind::Root, 0.003));
         for own in &functions.clusters {
             let energy: f64 = own.iter().map(|x| f64::from(x * x)).sum::<f64>() / own.ncols() as f64;
             assert!((0.9..=1.0001).contains(&energy), "{energy}");
         }
         let variants = Variants::new(&functions, &functions.views, &functions.lights);
-        let spread = functions.spread(&functions.views, &functions.lights);
+        let spread = functions.spread(&functions.views, &functions.lights, functions.clusters());
         assert_eq!(spread.len(), functions.clusters.len());
         for (own, condensed) in functions.clusters.iter().zip(&spread) {
             let all = variants.of(own);
@@ -213,7 +253,9 @@ mod tests {
             for (pair, x) in all.row(0).iter().enumerate() {
                 let exchanged = pair % 81 * 81 + pair / 81;
                 assert!((x * scale - own[[0, pair]]).abs() < 1e-4 * (1.0 + x.abs()), "{pair}");
-                assert!((all[[1, exchanged]] - x).abs() < 1e-4, "{pair}");
+                let cosine = |id: usize| functions.views.direction(id as u32)[2].max(MIN_COSINE).powf(1.0 / 2.4);
+                let wanted = x * cosine(pair / 81) / cosine(pair % 81);
+                assert!((all[[1, exchanged]] - wanted).abs() < 1e-4 * (1.0 + wanted.abs()), "{pair}");
             }
             let energy = |rows: &Array2<f32>| rows.iter().map(|x| f64::from(x * x)).sum::<f64>();
             assert!(condensed.nrows() <= SPREAD_FUNCTIONS);
@@ -227,9 +269,9 @@ mod tests {
     fn any_directions_get_their_values() {
         let set = DirectionSet::bonn81();
         let asset = sample_asset_with(5, 4, &set, &set, ResidualKind::Root);
-        let functions = PriorFunctions::of_asset(&asset, &Curve::new(ResidualKind::Root, 0.003));
+        let functions = PriorFunctions::of_layer(&asset, 0, &Curve::new(ResidualKind::Root, 0.003));
         let sphere = |count, seed| Sphere::new(&DirectionSet::random(count, seed).unwrap().units()).unwrap();
-        let spread = functions.spread(&sphere(1, 5), &sphere(9, 6));
+        let spread = functions.spread(&sphere(1, 5), &sphere(9, 6), functions.clusters());
         assert!(spread.iter().all(|rows| rows.ncols() == 9 && rows.iter().all(|x| x.is_finite())));
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::priors::predict::Prediction;
 use btf_capture::CaptureInfo;
-use ndarray::Array2;
+use ndarray::ArrayViewMut2;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -40,7 +40,7 @@ impl Holdout {
     }
 
     /// Replaces the held-back samples of texels' rows `[texel, pair x channel]` by what the others predict.
-    pub fn fill(&self, rows: &mut Array2<f32>) {
+    pub fn fill(&self, rows: ArrayViewMut2<f32>) {
         if let Some(prediction) = &self.prediction {
             prediction.fill(rows);
         }

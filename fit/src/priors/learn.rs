@@ -3,14 +3,18 @@
 use crate::error::FitError;
 use crate::input::texel_sample::texel_sample;
 use crate::monitor::Monitor;
-use btf_capture::{Capture, CaptureInfo, ImageFormat, Pixels};
+use btf_capture::{Capture, CaptureInfo, ImageFormat, Pixels, text_from_bytes};
 use rayon::prelude::*;
+
+/// Largest mosaic, bytes: a few hundred texels of a hundred captures of Bonn's directions.
+const MAX_MOSAIC_BYTES: usize = 4_000_000_000;
 
 /// Returns a capture in memory whose texels are `texels` of each of `captures`, drawn by `seed`, one capture after the other:
 /// `texels` columns and a row for each capture. A fit of it with about as many clusters is a prior.
 ///
 /// # Errors
-/// [`FitError::Layers`] for captures of different directions; an image that cannot be read.
+/// [`FitError::Params`] for captures of different directions, incomplete ones, and too few or too many texels; an image that
+/// cannot be read.
 pub fn prior_capture(captures: &[Capture], texels: usize, seed: u64, monitor: &Monitor) -> Result<Capture, FitError> {
     let first =
         captures.first().ok_or_else(|| FitError::Params("priors are learnt from at least one capture".into()))?;
@@ -24,6 +28,13 @@ pub fn prior_capture(captures: &[Capture], texels: usize, seed: u64, monitor: &M
                 first.info().name
             )));
         }
+        if !info.missing.is_empty() {
+            return Err(FitError::Params(format!(
+                "{} lacks {} of its pairs: priors are learnt from complete captures",
+                info.name,
+                info.missing.len()
+            )));
+        }
         if info.texel_count() < texels {
             return Err(FitError::Params(format!(
                 "{} has {} texels, fewer than --texels {texels}; give a smaller number",
@@ -34,14 +45,22 @@ pub fn prior_capture(captures: &[Capture], texels: usize, seed: u64, monitor: &M
     }
     let (pairs, width) = (first.info().pair_count(), texels);
     let image = 3 * width * captures.len();
+    let bytes = 4 * pairs * image;
+    if image == 0 || bytes > MAX_MOSAIC_BYTES {
+        return Err(FitError::Params(format!(
+            "--texels {texels} of {} captures take {}: give 1 or more that take at most {}",
+            captures.len(),
+            text_from_bytes(bytes as u64),
+            text_from_bytes(MAX_MOSAIC_BYTES as u64)
+        )));
+    }
     let mut images = vec![0.0; pairs * image];
     for (number, capture) in captures.iter().enumerate() {
         let info = capture.info();
         let chosen = texel_sample(info.texel_count(), texels, seed);
-        let stand_ins = info.stand_ins();
         images.par_chunks_exact_mut(image).enumerate().try_for_each(|(pair, image)| -> Result<(), FitError> {
             monitor.check()?;
-            let (view, light) = (stand_ins[pair] / lights.len(), stand_ins[pair] % lights.len());
+            let (view, light) = (pair / lights.len(), pair % lights.len());
             let row = &mut image[3 * width * number..][..3 * width];
             match capture.read(view, light)? {
                 Pixels::Encoded8(codes) => {
@@ -92,5 +111,6 @@ mod tests {
         };
         assert!(refused(&[captures[0].clone(), capture("odd", 0.5, &other)], 6).contains("odd has other directions"));
         assert!(refused(&captures, 21).contains("fewer than --texels 21"));
+        assert!(refused(&captures, 0).contains("give 1 or more"));
     }
 }

@@ -2,8 +2,9 @@
 //! a covariance between pairs.
 
 use crate::priors::covariance::PairCovariance;
+use crate::resume::stored::stored_structs;
 use nalgebra::{DMatrix, DVector};
-use ndarray::{Array2, Axis, s};
+use ndarray::{Array2, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
 /// Seen pairs up to which every one takes part in every prediction.
@@ -18,57 +19,53 @@ const BLOCK: usize = 256;
 pub struct Prediction {
     seen: Vec<usize>,
     missing: Vec<usize>,
-    weights: Weights,
+    /// Weight of every seen pair for every missing one, `[seen, missing]`; without columns where only near ones predict.
+    whole: Array2<f32>,
+    /// For each missing pair the seen pairs that predict it, with weights; empty where all do.
+    near: Vec<Vec<(usize, f32)>>,
 }
 
-#[derive(Debug, Clone)]
-enum Weights {
-    /// Weight of every seen pair for every missing one, `[seen, missing]`.
-    Whole(Array2<f32>),
-    /// For each missing pair the seen pairs that predict it, with weights.
-    Near(Vec<Vec<(usize, f32)>>),
+stored_structs! {
+    Prediction { seen, missing, whole, near }
 }
 
 impl Prediction {
     /// Finds the weights by which `missing` pairs follow from `seen` ones under `covariance`.
     ///
-    /// Cost: with up to 1800 seen pairs the factorisation of their covariances, `seen^2` operations for each missing pair, and
-    /// later `3 seen missing` for each texel; with more, `128^3 / 3` operations for each missing pair, and `3 x 128 missing`
-    /// for each texel.
+    /// Cost: with up to 1800 seen pairs the factorisation of their covariances, `seen (seen + functions)` operations for each
+    /// missing pair, and later `3 seen missing` for each texel; with more, `128^3 / 3 + functions (128^2 + seen)` operations for
+    /// each missing pair, and `3 x 128 missing` for each texel.
     pub fn new(covariance: &PairCovariance, seen: Vec<usize>, missing: Vec<usize>) -> Prediction {
         let whole = if seen.len() <= MAX_WHOLE { whole_weights(covariance, &seen, &missing) } else { None };
-        let weights = whole.map_or_else(|| Weights::Near(near_weights(covariance, &seen, &missing)), Weights::Whole);
-        Prediction { seen, missing, weights }
+        let near = if whole.is_some() { Vec::new() } else { near_weights(covariance, &seen, &missing) };
+        Prediction { seen, missing, whole: whole.unwrap_or_default(), near }
     }
 
     /// Fills the missing pairs of texels' rows, `[texel, pair x channel]`, from their seen pairs.
-    pub fn fill(&self, rows: &mut Array2<f32>) {
-        match &self.weights {
-            Weights::Whole(weights) => {
-                // Channels are rows of their own in one product.
-                let mut seen = Array2::zeros((3 * rows.nrows(), self.seen.len()));
-                for (row, mut seen) in rows.rows().into_iter().zip(seen.axis_chunks_iter_mut(Axis(0), 3)) {
-                    for (number, pair) in self.seen.iter().enumerate() {
-                        (0..3).for_each(|channel| seen[[channel, number]] = row[3 * pair + channel]);
+    pub fn fill(&self, mut rows: ArrayViewMut2<f32>) {
+        if !self.near.is_empty() {
+            for mut row in rows.rows_mut() {
+                for (pair, sources) in self.missing.iter().zip(&self.near) {
+                    let mut sum = [0.0f32; 3];
+                    for (source, weight) in sources {
+                        (0..3).for_each(|channel| sum[channel] += weight * row[source * 3 + channel]);
                     }
-                }
-                let found = seen.dot(weights);
-                for (mut row, found) in rows.rows_mut().into_iter().zip(found.axis_chunks_iter(Axis(0), 3)) {
-                    for (number, pair) in self.missing.iter().enumerate() {
-                        (0..3).for_each(|channel| row[3 * pair + channel] = found[[channel, number]]);
-                    }
+                    (0..3).for_each(|channel| row[pair * 3 + channel] = sum[channel]);
                 }
             }
-            Weights::Near(sources) => {
-                for mut row in rows.rows_mut() {
-                    for (pair, sources) in self.missing.iter().zip(sources) {
-                        let mut sum = [0.0f32; 3];
-                        for (source, weight) in sources {
-                            (0..3).for_each(|channel| sum[channel] += weight * row[source * 3 + channel]);
-                        }
-                        (0..3).for_each(|channel| row[pair * 3 + channel] = sum[channel]);
-                    }
-                }
+            return;
+        }
+        // Channels are rows of their own in one product.
+        let mut seen = Array2::zeros((3 * rows.nrows(), self.seen.len()));
+        for (row, mut seen) in rows.rows().into_iter().zip(seen.axis_chunks_iter_mut(Axis(0), 3)) {
+            for (number, pair) in self.seen.iter().enumerate() {
+                (0..3).for_each(|channel| seen[[channel, number]] = row[3 * pair + channel]);
+            }
+        }
+        let found = seen.dot(&self.whole);
+        for (mut row, found) in rows.rows_mut().into_iter().zip(found.axis_chunks_iter(Axis(0), 3)) {
+            for (number, pair) in self.missing.iter().enumerate() {
+                (0..3).for_each(|channel| row[3 * pair + channel] = found[[channel, number]]);
             }
         }
     }
@@ -153,7 +150,7 @@ mod tests {
         };
         let error = |prediction: &Prediction| {
             let mut filled = hidden();
-            prediction.fill(&mut filled);
+            prediction.fill(filled.view_mut());
             for pair in &seen {
                 let own = s![.., 3 * pair..3 * pair + 3];
                 assert_eq!(filled.slice(own), exact.slice(own));
@@ -175,8 +172,9 @@ mod tests {
         let (by_noise, _) = predicted(vec![noise]);
         assert!(by_noise < 3.0 * by_nearness, "{by_noise} {by_nearness}");
         // Where not all seen pairs take part, those that do predict nearly as well.
-        let near = Weights::Near(near_weights(&covariance, &seen, &missing));
-        let near = error(&Prediction { seen: seen.clone(), missing: missing.clone(), weights: near });
+        let near = near_weights(&covariance, &seen, &missing);
+        let near =
+            error(&Prediction { seen: seen.clone(), missing: missing.clone(), whole: Array2::default((0, 0)), near });
         assert!((near / by_nearness - 1.0).abs() < 0.1, "{near} {by_nearness}");
     }
 }

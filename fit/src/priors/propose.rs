@@ -8,7 +8,7 @@ use crate::priors::covariance::PairCovariance;
 use crate::priors::functions::condensed;
 use crate::priors::parts::prior_parts;
 use btf_capture::{DirectionSet, Side};
-use btf_runtime::Sphere;
+use btf_runtime::{Sphere, SurfaceSide};
 use ndarray::{Array1, Array2, ArrayView1};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -17,6 +17,14 @@ use std::collections::BinaryHeap;
 const RANK: usize = 300;
 /// Variance that a photograph leaves unexplained at its own pair, relative to the mean variance of a pair.
 const NOISE: f32 = 1e-3;
+
+/// Pairs to choose from at most: 200 x 200, for which some gigabytes are needed.
+const MAX_PAIRS: usize = 40_000;
+/// Polar angle of a direction that is not in front of the surface any more, degrees.
+const MAX_THETA_DEG: f64 = 89.9;
+
+/// Sides of light and eye for which pairs are proposed.
+const FRONT: (SurfaceSide, SurfaceSide) = (SurfaceSide::Front, SurfaceSide::Front);
 
 /// What directions are proposed for.
 #[derive(Debug, Clone)]
@@ -38,6 +46,20 @@ pub fn propose_directions(
     params: &ProposeParams,
 ) -> Result<Vec<usize>, FitError> {
     let pairs = views.len() * lights.len();
+    if pairs > MAX_PAIRS {
+        return Err(FitError::Params(format!(
+            "{} x {} directions are {pairs} pairs, more than the {MAX_PAIRS} that are chosen from; give fewer directions",
+            views.len(),
+            lights.len()
+        )));
+    }
+    let steep = |set: &DirectionSet| set.directions().iter().any(|direction| direction.theta_deg >= MAX_THETA_DEG);
+    if steep(views) || steep(lights) {
+        return Err(FitError::Params(
+            "pairs are proposed for lights and views in front of the surface; give --directions below 90 degrees"
+                .into(),
+        ));
+    }
     if params.count > pairs {
         return Err(FitError::Params(format!(
             "{} pairs were asked for, and these directions have {pairs}",
@@ -47,7 +69,7 @@ pub fn propose_directions(
     let sphere = |set: &DirectionSet| Sphere::new(&layer_directions(set, Side::Front));
     let (views, lights) = (sphere(views)?, sphere(lights)?);
     let (kind, epsilon) = ErrorMeasure::Gamma.residual();
-    let parts = prior_parts(&params.priors, &views, &lights, &Curve::new(kind, epsilon))?;
+    let parts = prior_parts(&params.priors, FRONT, [&views, &lights], &Curve::new(kind, epsilon))?;
     if parts.is_empty() {
         return Err(FitError::Params("pairs cannot be proposed without priors; leave --priors out".into()));
     }
@@ -155,7 +177,7 @@ mod tests {
         let set = DirectionSet::random(9, 5).unwrap();
         let sphere = Sphere::new(&set.units()).unwrap();
         let (kind, epsilon) = ErrorMeasure::Gamma.residual();
-        let parts = prior_parts(&Priors::BuiltIn, &sphere, &sphere, &Curve::new(kind, epsilon)).unwrap();
+        let parts = prior_parts(&Priors::BuiltIn, FRONT, [&sphere, &sphere], &Curve::new(kind, epsilon)).unwrap();
         let covariance = PairCovariance::before_samples(&sphere, &sphere, parts);
         let proposed = propose_pairs(&covariance, 12);
         let mut distinct = proposed.clone();
@@ -178,6 +200,9 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(told.contains("have 81"), "{told}");
+        let behind = set.behind().unwrap();
+        let told = propose_directions(&set, &behind, &ProposeParams { count: 2, priors: Priors::BuiltIn });
+        assert!(told.unwrap_err().to_string().contains("in front of the surface"));
         let none = ProposeParams { count: 2, priors: Priors::Assets(Vec::new()) };
         assert!(propose_directions(&set, &set, &none).unwrap_err().to_string().contains("without priors"));
     }

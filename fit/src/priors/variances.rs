@@ -2,10 +2,11 @@
 
 use nalgebra::DMatrix;
 
-/// Rounds of the estimate. After ten the predictions hardly change any more.
+/// Rounds of the estimate.
 const ROUNDS: usize = 40;
-/// Variance of the samples' own noise, relative to their mean square: also what keeps matrices invertible.
-pub const NOISE: f64 = 1e-6;
+/// Variance of the samples' own noise, relative to their mean square: also what keeps matrices invertible, whose sums are of single
+/// precision.
+pub const NOISE: f64 = 1e-5;
 
 /// Returns the variances `w` for which `sum w[k] parts[k]` makes the second moments `observed` most likely, for samples that
 /// are normal with mean 0. Each is at least 0.

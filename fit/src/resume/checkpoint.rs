@@ -115,10 +115,7 @@ impl<'a> Checkpoint<'a> {
         fs::create_dir_all(folder).map_err(failed)?;
         let lock = File::options().create(true).append(true).open(folder.join(LOCK_NAME)).map_err(failed)?;
         if let Err(TryLockError::WouldBlock) = lock.try_lock() {
-            return Err(FitError::Params(format!(
-                "{} is in use by another run of btf-fit; wait until it has ended or write another asset",
-                folder.display()
-            )));
+            return Err(FitError::InUse { folder: folder.to_path_buf() });
         }
         let checkpoint =
             Checkpoint { folder: Some(folder.to_path_buf()), key: identity.key(), monitor, _lock: Some(lock) };

@@ -8,7 +8,7 @@ use crate::monitor::Monitor;
 use crate::numeric::principal_directions::{ROW_BLOCK, Rows, principal_directions};
 use crate::priors::holdout::Holdout;
 use crate::resume::stored::stored_structs;
-use ndarray::{Array2, s};
+use ndarray::{Array2, Axis, s};
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
@@ -54,8 +54,8 @@ pub fn features(
         });
         monitor.report("project", tile + 1, 2 * cache.tile_count())?;
     }
-    holdout.fill(&mut block);
-    let mean = block.mean_axis(ndarray::Axis(0)).unwrap_or_else(|| ndarray::Array1::zeros(samples));
+    block.axis_chunks_iter_mut(Axis(0), ROW_BLOCK).into_par_iter().for_each(|rows| holdout.fill(rows));
+    let mean = block.mean_axis(Axis(0)).unwrap_or_else(|| ndarray::Array1::zeros(samples));
     block -= &mean;
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let sampled =
@@ -81,7 +81,7 @@ pub fn features(
                     let row = row.as_slice_mut().unwrap_or_default();
                     loaded.texel_mapped(first + i, row, mapping);
                 }
-                holdout.fill(&mut block);
+                holdout.fill(block.view_mut());
                 block -= &mean;
                 (first, block.dot(&basis))
             })

@@ -65,7 +65,7 @@ impl ResidualSource<'_> {
         for (index, mut row) in range.zip(rows.rows_mut()) {
             self.row(block, index, texel(index), row.as_slice_mut().unwrap_or_default(), &mut scratch);
         }
-        self.holdout.fill(&mut rows);
+        self.holdout.fill(rows.view_mut());
         rows
     }
 

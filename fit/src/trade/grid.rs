@@ -10,7 +10,7 @@ use crate::measure::image_decoder::ImageDecoder;
 use crate::measure::thinned_grid::{ThinnedGrid, thinned_grid};
 use crate::metrics::Metrics;
 use crate::monitor::Monitor;
-use crate::params::{FitParams, Priors, Role, ValidFitParams};
+use crate::params::{FitParams, Role, ValidFitParams};
 use crate::pipeline::prepare::PreparedFit;
 use crate::provenance::{FitRecord, Material};
 use crate::trade::evaluation_time::{Query, least_nanoseconds, random_queries};
@@ -151,7 +151,6 @@ impl Grid<'_> {
             bytes: Some(self.most_bytes() as u64),
             psnr_db: None,
             leave_out: 0.0,
-            priors: Priors::BuiltIn,
             ..self.params.fit.clone()
         };
         let params = params.check()?;

@@ -75,10 +75,10 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
     let mut folders = Vec::new();
     for (name, kind, options) in chosen {
         let folder = format!("{FOLDER}/{name}");
-        if !root().join(&folder).exists() {
-            let mut synth = cargo(&["run", "--release", "--quiet", "-p", "btf-synth", "--", kind, &folder]);
-            run_checked(synth.args(["--size", SIZE, "--quiet"]).args(options.split(' ')))?;
-        }
+        // Made anew, because options may have changed.
+        let _ = std::fs::remove_dir_all(root().join(&folder));
+        let mut synth = cargo(&["run", "--release", "--quiet", "-p", "btf-synth", "--", kind, &folder]);
+        run_checked(synth.args(["--size", SIZE, "--quiet"]).args(options.split(' ')))?;
         folders.push(folder);
     }
     let out = without.map_or_else(|| BUILT_IN.to_string(), |kind| format!("{FOLDER}/without-{kind}.spmm"));

@@ -2,7 +2,7 @@
 
 use crate::commands::failure::Failure;
 use crate::commands::options::Shared;
-use crate::commands::output::{check_distinct, check_file, complain, say, write_json};
+use crate::commands::output::{check_distinct, check_file, complain, is_stdout, say, write_json};
 use crate::commands::progress;
 use btf_capture::write_file_atomically;
 use btf_fit::{Library, Status, catalogue_csv, catalogue_html, collect_library};
@@ -35,6 +35,9 @@ pub(super) fn run(args: &CollectArgs, shared: &Shared) -> Result<(), Failure> {
     let page = args.output.clone().unwrap_or_else(|| args.plan.with_extension("html"));
     let json = args.json.clone().unwrap_or_else(|| page.with_extension("json"));
     let csv = args.csv.clone().unwrap_or_else(|| page.with_extension("csv"));
+    if is_stdout(&page) || is_stdout(&csv) {
+        return Err(Failure::Usage("the page and the CSV file are files; only --json may be -".into()));
+    }
     let outputs: [&Path; 3] = [&page, &json, &csv];
     check_distinct(&outputs)?;
     for path in outputs {
@@ -47,14 +50,16 @@ pub(super) fn run(args: &CollectArgs, shared: &Shared) -> Result<(), Failure> {
     write_file_atomically(&page, catalogue_html(&library, &title).as_bytes())?;
     write_file_atomically(&csv, catalogue_csv(&library).as_bytes())?;
     write_json(&json, &library)?;
-    if !shared.quiet {
+    if !shared.quiet && !is_stdout(&json) {
         report(&library, &page);
     }
     let bad = library.materials.iter().filter(|m| matches!(m.status, Status::Failed { .. } | Status::Damaged { .. }));
     match bad.count() {
         0 => Ok(()),
-        1 => Err(Failure::Path("1 material has no asset".into())),
-        count => Err(Failure::Path(format!("{count} materials have no asset"))),
+        1 => Err(Failure::Path("1 material has no sound asset; correct what is wrong and run the plan again".into())),
+        count => Err(Failure::Path(format!(
+            "{count} materials have no sound asset; correct what is wrong and run the plan again"
+        ))),
     }
 }
 
@@ -75,7 +80,7 @@ fn report(library: &Library, page: &Path) {
         }
     }
     let count = |name: &str| library.materials.iter().filter(|material| material.status.name() == name).count();
-    let counts: Vec<String> = ["fitted", "failed", "damaged", "in work", "open"]
+    let counts: Vec<String> = ["fitted", "failed", "damaged", "in_work", "open"]
         .into_iter()
         .filter(|name| count(name) > 0)
         .map(|name| format!("{} {name}", count(name)))

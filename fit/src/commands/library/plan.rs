@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// List the captures below a folder, and how each is to be fitted, in a file to edit
 ///
 /// The plan is a TOML file: options for all materials, rules for those whose names match a glob, and options of single
-/// materials. With --update captures that have come are added to a plan, and everything else in it stays.
+/// materials. With --update captures that have come are added to a plan; its settings stay, its comments do not.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   btf-fit library plan CAPTURES -o library.toml --bytes 2MB
@@ -82,6 +82,9 @@ pub(super) fn run(args: &PlanArgs, shared: &Shared) -> Result<(), Failure> {
         [(Scheduler::Slurm, &args.slurm), (Scheduler::OpenCue, &args.opencue), (Scheduler::Shell, &args.commands)];
     let scripts: Vec<(Scheduler, &Path)> =
         scripts.into_iter().filter_map(|(kind, path)| Some((kind, path.as_deref()?))).collect();
+    if scripts.iter().any(|(_, path)| is_stdout(path)) {
+        return Err(Failure::Usage("a script is a file; give --slurm, --opencue or --commands a file name".into()));
+    }
     let outputs: Vec<&Path> = scripts.iter().map(|(_, path)| *path).chain([args.output.as_path()]).collect();
     check_distinct(&outputs)?;
     for path in &outputs {

@@ -2,10 +2,10 @@
 
 use crate::commands::failure::Failure;
 use crate::commands::options::Shared;
-use crate::commands::output::{check_file, complain, say, tell};
+use crate::commands::output::{check_file, complain, is_stdout, say, tell};
 use crate::commands::progress;
 use btf_capture::text_from_bytes;
-use btf_fit::{RunNews, RunOutcome, RunParams, glob_from_text, run_library};
+use btf_fit::{RunNews, RunOutcome, RunParams, bytes_from_text, glob_from_text, run_library};
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -42,6 +42,9 @@ pub(super) struct RunArgs {
     /// Seconds without a sign of life after which a worker counts as lost
     #[arg(long, value_name = "SECONDS", default_value_t = 300.0, value_parser = seconds)]
     stale_after: f64,
+    /// Most memory of a fit, where the plan names none
+    #[arg(long, value_name = "SIZE", value_parser = bytes_from_text)]
+    memory: Option<u64>,
     /// Write what this worker has done as JSON; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -67,17 +70,20 @@ pub(super) fn run(args: &RunArgs, shared: &Shared) -> Result<(), Failure> {
         retry: args.retry,
         wait: args.wait,
         stale_after: Duration::from_secs_f64(args.stale_after),
+        memory_bytes: args.memory,
     };
     if let Some(path) = &args.json {
         check_file(path, std::slice::from_ref(&args.plan))?;
     }
     let monitor = progress::monitor(shared, None)?;
-    let quiet = shared.quiet;
+    // What is written as JSON to standard output stands there alone.
+    let quiet = shared.quiet || args.json.as_deref().is_some_and(is_stdout);
     let outcome = run_library(&args.plan, &params, &monitor, &|news| match news {
         RunNews::Begun(_) => {}
         RunNews::Fitted(name, fitted) if !quiet => {
             let size = text_from_bytes(fitted.bytes);
             say(&format!("{name}: {size}, {:.2} dB", fitted.metrics.psnr_db));
+            fitted.remarks.iter().for_each(|remark| complain(&format!("note: {name}: {remark}")));
         }
         RunNews::Fitted(..) => {}
         RunNews::Failed(name, reason) => complain(&format!("{name} failed: {reason}")),
