@@ -90,6 +90,13 @@ impl PyCapture {
         units(py, &self.capture.info().views)
     }
 
+    /// Returns the (view, light) of each pair that has no image, in ascending order.
+    #[getter]
+    fn missing(&self) -> Vec<(usize, usize)> {
+        let info = self.capture.info();
+        info.missing.iter().map(|pair| (pair / info.lights.len(), pair % info.lights.len())).collect()
+    }
+
     /// Returns (rows, columns).
     #[getter]
     fn shape(&self) -> (usize, usize) {

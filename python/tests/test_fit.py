@@ -2,12 +2,14 @@
 
 import os
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 import unittest
+import zlib
 from pathlib import Path
 
 import btf
@@ -37,6 +39,18 @@ def reflected(wi, wo):
     return value * np.maximum(wi[:, 2], 0.0)[:, None, None, None]
 
 
+def grey_png(width, height, code):
+    """A picture of one grey, 8 bits, three channels."""
+
+    def chunk(kind, data):
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    rows = (b"\0" + bytes([code]) * (3 * width)) * height
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
 def images():
     return np.stack([reflected(DIRECTIONS, wo) for wo in DIRECTIONS]).astype(np.float32)
 
@@ -55,6 +69,19 @@ class Arrays(Refusing):
                 expected = reflected(capture.lights[light : light + 1], capture.views[view])[0]
                 np.testing.assert_allclose(capture.image(view, light), expected, atol=2e-6)
         self.refused(IndexError, "12 views", capture.image, 12, 0)
+
+    def test_pairs_without_an_image_are_named(self):
+        self.assertEqual(self.capture.missing, [])
+        with tempfile.TemporaryDirectory() as folder:
+            names = [f"tl{light:03} pl000 tv{view:03} pv000.png" for view in (0, 30) for light in (0, 45)]
+            for name in names[:2] + names[3:]:
+                (Path(folder) / name).write_bytes(grey_png(4, 3, 128))
+            self.refused(ValueError, "missing", btf.Capture.open, folder)
+            (Path(folder) / "capture.toml").write_text("incomplete = true\n")
+            capture = btf.Capture.open(folder)
+            self.assertEqual((capture.missing, capture.shape), ([(1, 0)], (3, 4)))
+            self.refused(ValueError, "view theta 30", capture.image, 1, 0)
+            self.assertAlmostEqual(float(capture.image(1, 1)[2, 3, 0]), 0.2158, places=3)
 
     def test_a_fit_has_the_values_and_measures_itself(self):
         heard = []

@@ -4,7 +4,7 @@ Values are pi x BRDF x |cosine of the light|, linear RGB: 1 is a white Lambertia
 """
 
 import os
-from typing import Any, Callable, Literal, Optional, Sequence, Tuple, Union, final
+from typing import Any, Callable, List, Literal, Optional, Sequence, Tuple, Union, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -103,6 +103,10 @@ class Capture:
     @property
     def views(self) -> NDArray[np.float32]:
         """Unit vectors to the eyes, (views, 3), in the order of `image`."""
+
+    @property
+    def missing(self) -> List[Tuple[int, int]]:
+        """View and light of each pair that has no image, in ascending order."""
 
     @property
     def shape(self) -> Tuple[int, int]:
