@@ -54,6 +54,13 @@ pub struct CaptureRecord {
     pub format: String,
     /// Provenance of the capture in words.
     pub provenance: String,
+    /// Pairs that had no image and were predicted; absent for none.
+    #[serde(skip_serializing_if = "is_none")]
+    pub missing: usize,
+}
+
+fn is_none(count: &usize) -> bool {
+    *count == 0
 }
 
 impl Default for CaptureRecord {
@@ -67,6 +74,7 @@ impl Default for CaptureRecord {
             side: Side::Front.to_string(),
             format: ImageFormat::Png.to_string(),
             provenance: String::new(),
+            missing: 0,
         }
     }
 }
@@ -221,6 +229,7 @@ impl CaptureRecord {
             side: info.side.to_string(),
             format: info.format.to_string(),
             provenance: shortened(&info.provenance, MAX_PROVENANCE),
+            missing: info.missing.len(),
         }
     }
 }

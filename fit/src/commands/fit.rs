@@ -202,6 +202,7 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         return Err(Failure::Usage("an asset cannot be written to standard output; give -o a file name".into()));
     }
     check_distinct(&outputs)?;
+    args.priors.check()?;
     let captures = args.captures.iter().map(Capture::open).collect::<Result<Vec<_>, _>>()?;
     for path in &outputs {
         check_file(path, &args.captures)?;

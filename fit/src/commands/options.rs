@@ -1,6 +1,7 @@
 //! Options that several subcommands share.
 
-use btf_fit::{Priors, Role, bytes_from_text};
+use super::failure::Failure;
+use btf_fit::{Priors, Role, bytes_from_text, load_asset};
 use btf_runtime::PackedGoal;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -69,6 +70,16 @@ pub(super) struct PriorsArg {
 }
 
 impl PriorsArg {
+    /// Checks that the assets are there, also where nothing has to be predicted.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        if let Priors::Assets(paths) = self.priors() {
+            for path in paths {
+                load_asset(&path)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Returns the choice.
     pub(super) fn priors(&self) -> Priors {
         match &self.priors[..] {

@@ -224,6 +224,10 @@ impl Display for Description {
                     ", {}, curve {}, cosine {}, scale {}",
                     record.format, record.transfer, record.cosine, record.scale
                 )?;
+                if record.missing > 0 {
+                    let pairs = layer.views * layer.lights;
+                    writeln!(f, "            {} of {pairs} pairs had no image and are predicted", record.missing)?;
+                }
             }
             writeln!(f, "  clusters  {} with {} lobes", layer.clusters, layer.dictionary_lobes)?;
             writeln!(f, "  lobes     {}; at most {}", layer.lobe_use, layer.lobes_per_texel_max)?;
