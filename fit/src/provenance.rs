@@ -253,6 +253,17 @@ mod tests {
     }
 
     #[test]
+    fn the_number_of_predicted_pairs_is_told_where_there_are_any() {
+        let told = |missing: Vec<usize>| {
+            serde_json::to_string(&CaptureRecord::of(&CaptureInfo { missing, ..info() })).unwrap()
+        };
+        assert!(told(vec![3, 8]).contains(r#""missing":2"#));
+        assert!(!told(Vec::new()).contains("missing"));
+        // Assets of before say nothing of it.
+        assert_eq!(serde_json::from_str::<CaptureRecord>("{}").unwrap().missing, 0);
+    }
+
+    #[test]
     fn a_description_is_read_back_whole_and_holds_no_path_time_or_thread_count() {
         let params = FitParams { cache_directory: "/somewhere/secret".into(), ..FitParams::default() };
         let material = Material::new(&[&info()], FitRecord::new(&params, 5));
