@@ -140,6 +140,8 @@ impl Monitor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::thread::sleep;
+    use std::time::Duration;
 
     #[test]
     fn one_of_several_pieces_of_work_stops_with_the_whole_and_by_itself_alone() {
@@ -150,8 +152,6 @@ mod tests {
         whole.cancel();
         assert!(other.check().is_err());
     }
-    use std::thread::sleep;
-    use std::time::Duration;
 
     #[test]
     fn a_stage_inside_another_counts_once_and_reports_only_its_own_progress() {

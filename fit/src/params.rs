@@ -105,16 +105,16 @@ pub enum KMeansEngine {
 /// Assets that tell what materials have in common.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum Priors {
-    /// Those that come with the program.
+    /// The priors that come with the program.
     #[default]
     BuiltIn,
-    /// These assets; without any, nothing is known but that near directions look alike.
+    /// Assets of the user's; without any, nothing is known but that near directions look alike.
     Assets(Vec<PathBuf>),
 }
 
 impl Priors {
-    /// Returns the files whose contents matter.
-    pub(crate) fn files(&self) -> &[PathBuf] {
+    /// Returns the files of the assets; none for those that come with the program.
+    pub fn files(&self) -> &[PathBuf] {
         match self {
             Priors::BuiltIn => &[],
             Priors::Assets(paths) => paths,

@@ -72,10 +72,8 @@ pub(super) struct PriorsArg {
 impl PriorsArg {
     /// Checks that the assets are there, also where nothing has to be predicted.
     pub(super) fn check(&self) -> Result<(), Failure> {
-        if let Priors::Assets(paths) = self.priors() {
-            for path in paths {
-                load_asset(&path)?;
-            }
+        for path in self.priors().files() {
+            load_asset(path)?;
         }
         Ok(())
     }

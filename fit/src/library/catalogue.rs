@@ -46,14 +46,13 @@ pub fn catalogue_html(library: &Library, title: &str) -> String {
     let data = serde_json::to_string(&entries).unwrap_or_default();
     // Within a script no closing tag may occur, whatever a material is called.
     let data = data.replace('<', "\\u003c");
-    let count = |name: &str| library.materials.iter().filter(|material| material.status.name() == name).count();
     let body = html! {
         header {
             h1 { (title) }
             p {
-                (library.materials.len()) " materials: " (count("fitted")) " fitted"
-                @for other in ["failed", "damaged", "in_work", "open"] {
-                    @if count(other) > 0 { ", " (count(other)) " " (other) }
+                (library.materials.len()) " materials: " (library.count(Status::NAMES[0])) " fitted"
+                @for other in &Status::NAMES[1..] {
+                    @if library.count(other) > 0 { ", " (library.count(other)) " " (other) }
                 }
             }
         }
@@ -70,7 +69,7 @@ pub fn catalogue_html(library: &Library, title: &str) -> String {
             label { "Show "
                 select #status {
                     option value="" { "all" }
-                    @for status in ["fitted", "failed", "damaged", "in_work", "open"] { option value=(status) { (status) } }
+                    @for status in Status::NAMES { option value=(status) { (status) } }
                 }
             }
             span #told {}

@@ -53,9 +53,9 @@ pub struct Claim<'a> {
 /// Outcome of asking for a material.
 #[derive(Debug)]
 pub enum Asked<'a> {
-    /// It is this worker's now.
+    /// The material is this worker's now.
     Held(Claim<'a>),
-    /// Another worker has it.
+    /// Another worker has the material.
     Taken,
 }
 

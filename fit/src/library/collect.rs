@@ -67,6 +67,9 @@ pub enum Status {
 }
 
 impl Status {
+    /// The names of all, in the order in which they are counted.
+    pub const NAMES: [&'static str; 5] = ["fitted", "failed", "damaged", "in_work", "open"];
+
     /// Returns the name of the status.
     pub fn name(&self) -> &'static str {
         match self {
@@ -76,6 +79,13 @@ impl Status {
             Status::InWork { .. } => "in_work",
             Status::Open => "open",
         }
+    }
+}
+
+impl Library {
+    /// Returns how many materials have the status of this name.
+    pub fn count(&self, status: &str) -> usize {
+        self.materials.iter().filter(|material| material.status.name() == status).count()
     }
 }
 

@@ -1,5 +1,5 @@
 //! The plan of a library: which captures become which assets, with which options. A TOML file that people write and
-//! edit, and that [`LibraryPlan::find`] writes first.
+//! edit, and that [`LibraryPlan::of_captures`] writes first.
 
 use crate::error::FitError;
 use crate::library::options::MaterialOptions;
@@ -128,7 +128,7 @@ impl LibraryPlan {
             let (line, reason) = line_and_reason(&text, &error);
             refuse(format!("line {line}: {reason}; correct it, or write a new plan with `btf-fit library plan`"))
         })?;
-        plan.check().map_err(refuse)?;
+        plan.check_options(path)?;
         Ok(plan)
     }
 
@@ -149,11 +149,8 @@ impl LibraryPlan {
     /// Returns the options of `material`: its own, else the last matching rule's, else the plan's.
     pub fn options_of(&self, material: &PlannedMaterial) -> MaterialOptions {
         let matches = |rule: &&PlanRule| Pattern::new(&rule.matching).is_ok_and(|glob| glob.matches(&material.name));
-        self.rules
-            .iter()
-            .filter(matches)
-            .fold(self.options.clone(), |all, rule| rule.options.over(&all))
-            .refined_by(material)
+        let below = self.rules.iter().filter(matches).fold(self.options.clone(), |all, rule| rule.options.over(&all));
+        material.options.over(&below)
     }
 
     /// Returns a verb phrase about the first fault.
@@ -183,13 +180,6 @@ impl LibraryPlan {
             self.options_of(material).params(Path::new(".")).check().map_err(refused)?;
         }
         Ok(())
-    }
-}
-
-impl MaterialOptions {
-    /// Returns these options with what `material` has of its own in their place.
-    fn refined_by(self, material: &PlannedMaterial) -> MaterialOptions {
-        material.options.over(&self)
     }
 }
 

@@ -27,7 +27,7 @@ const MAX_SAMPLES: usize = 40_000_000;
 /// Least cosine by which an exchanged function is scaled.
 const MIN_COSINE: f32 = 0.1;
 
-/// The principal functions of the clusters of an asset's first layer.
+/// The principal functions of the clusters of an asset's layer.
 #[derive(Debug, Clone)]
 pub struct PriorFunctions {
     views: Sphere,

@@ -79,11 +79,10 @@ fn report(library: &Library, page: &Path) {
             Status::Fitted | Status::Open => {}
         }
     }
-    let count = |name: &str| library.materials.iter().filter(|material| material.status.name() == name).count();
-    let counts: Vec<String> = ["fitted", "failed", "damaged", "in_work", "open"]
+    let counts: Vec<String> = Status::NAMES
         .into_iter()
-        .filter(|name| count(name) > 0)
-        .map(|name| format!("{} {name}", count(name)))
+        .filter(|name| library.count(name) > 0)
+        .map(|name| format!("{} {name}", library.count(name)))
         .collect();
     say(&format!("{}: {}", page.display(), counts.join(", ")));
 }
