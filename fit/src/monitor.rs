@@ -76,12 +76,6 @@ impl Monitor {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Returns a function that asks the computation to stop, for another thread.
-    pub fn canceller(&self) -> impl Fn() + Send + 'static {
-        let flag = Arc::clone(&self.cancelled);
-        move || flag.store(true, Ordering::Relaxed)
-    }
-
     /// Returns `Err(Interrupted)` once [`Monitor::cancel`] was called.
     pub fn check(&self) -> Result<(), FitError> {
         let flags = [Some(&self.cancelled), self.whole_cancelled.as_ref()];

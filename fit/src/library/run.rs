@@ -251,7 +251,7 @@ impl Worker<'_> {
         (self.news)(RunNews::Begun(name));
         let start = Instant::now();
         let result = match claim.lost_before {
-            0..MAX_LOST => self.alive(claim, |monitor| self.fit(material, claim, monitor)),
+            0..MAX_LOST => self.fit_heard(material, claim),
             lost => Err(FitError::Library(format!(
                 "{lost} workers were lost while they fitted it, killed or out of memory; fit it alone with `btf-fit fit`, or give less `memory`"
             ))),
@@ -289,11 +289,30 @@ impl Worker<'_> {
         Ok(Held::ToTheEnd)
     }
 
-    /// Runs `work` while a second thread tells that this worker is alive; stops it where the claim is lost.
-    fn alive<T>(&self, claim: &Claim, work: impl FnOnce(Monitor) -> Result<T, FitError>) -> Result<T, FitError> {
+    /// Fits a material and keeps the remarks that are made on the way.
+    fn fit_heard(&self, material: &PlannedMaterial, claim: &Claim) -> Result<FittedMaterial, FitError> {
+        let remarks = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&remarks);
+        let monitor = self.monitor.of_one().on_remark(move |sentence| {
+            if let Ok(mut heard) = heard.lock() {
+                heard.push(sentence.to_string());
+            }
+        });
+        let mut fitted = self.alive(claim, &monitor, || self.fit(material, claim, &monitor))?;
+        if let Ok(remarks) = remarks.lock() {
+            fitted.remarks.splice(..0, remarks.iter().cloned());
+        }
+        Ok(fitted)
+    }
+
+    /// Runs `work` while a second thread tells that this worker is alive, and cancels `monitor` where the claim is lost.
+    fn alive<T>(
+        &self,
+        claim: &Claim,
+        monitor: &Monitor,
+        work: impl FnOnce() -> Result<T, FitError>,
+    ) -> Result<T, FitError> {
         let over = AtomicBool::new(false);
-        let monitor = self.monitor.of_one();
-        let stop = monitor.canceller();
         let every = self.params.stale_after / TOUCHES;
         std::thread::scope(|scope| {
             let beating = scope.spawn(|| {
@@ -303,13 +322,13 @@ impl Worker<'_> {
                         break;
                     }
                     if !claim.touch() && !claim.is_held() {
-                        stop();
+                        monitor.cancel();
                         break;
                     }
                 }
             });
             // A fault of ours in one material must not end the others.
-            let result = catch_unwind(AssertUnwindSafe(|| work(monitor)));
+            let result = catch_unwind(AssertUnwindSafe(work));
             over.store(true, Ordering::Release);
             beating.thread().unpark();
             result.unwrap_or_else(|_| {
@@ -319,7 +338,7 @@ impl Worker<'_> {
     }
 
     /// Fits a material and writes its asset.
-    fn fit(&self, material: &PlannedMaterial, claim: &Claim, monitor: Monitor) -> Result<FittedMaterial, FitError> {
+    fn fit(&self, material: &PlannedMaterial, claim: &Claim, monitor: &Monitor) -> Result<FittedMaterial, FitError> {
         let paths = self.folders.captures(material);
         let captures = paths.iter().map(Capture::open).collect::<Result<Vec<_>, _>>()?;
         let asset = self.folders.asset(&material.name);
@@ -333,23 +352,15 @@ impl Worker<'_> {
         let kept: Option<PathBuf> =
             (samples >= MIN_RESUMED_SAMPLES).then(|| self.folders.assets.join(format!("{}.resume", material.name)));
         params.resume = kept.clone();
-        let remarks = Arc::new(Mutex::new(Vec::new()));
-        let heard = Arc::clone(&remarks);
-        let monitor = monitor.on_remark(move |sentence| {
-            if let Ok(mut heard) = heard.lock() {
-                heard.push(sentence.to_string());
-            }
-        });
-        let fitted = match fit_and_measure(&captures, &params.check()?, &monitor) {
+        let fitted = match fit_and_measure(&captures, &params.check()?, monitor) {
             // The worker that was taken for lost still works: without what it keeps, both can.
             Err(FitError::InUse { .. }) => {
                 let alone = FitParams { resume: None, ..params.clone() };
-                fit_and_measure(&captures, &alone.check()?, &monitor)?
+                fit_and_measure(&captures, &alone.check()?, monitor)?
             }
             other => other?,
         };
-        let mut described = describe(&fitted, &monitor)?;
-        described.remarks = remarks.lock().map(|remarks| remarks.clone()).unwrap_or_default();
+        let mut described = describe(&fitted, monitor)?;
         if let Some(asked) = params.psnr_db.filter(|asked| fitted.metrics.psnr_db < *asked) {
             let reached = fitted.metrics.psnr_db;
             described.remarks.push(format!("{reached:.2} dB were reached, psnr asks for {asked}; give more clusters"));
