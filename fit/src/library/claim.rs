@@ -116,6 +116,16 @@ impl Claims {
         }
     }
 
+    /// Removes the claim of a material that is done with where it is stale: its holder was lost between its last file and
+    /// giving the claim back.
+    pub fn clear(&self, name: &str) {
+        let folder = self.folder.join(name);
+        if let Ok(Some(holder)) = self.stale(&folder) {
+            // What cannot be removed does no harm, and is met again by the next worker.
+            let _ = self.take_over(&folder, &holder);
+        }
+    }
+
     /// Removes what workers that were killed left of unfinished claims, where it is stale.
     pub fn sweep(&self) {
         for entry in fs::read_dir(&self.folder).into_iter().flatten().flatten() {
@@ -279,17 +289,17 @@ mod tests {
     fn a_stale_claim_is_taken_over_once_and_its_old_holder_learns_of_it() {
         let folder = tempfile::tempdir().unwrap();
         let (first, second, third) =
-            (claims(folder.path(), "a", 150), claims(folder.path(), "b", 150), claims(folder.path(), "c", 150));
+            (claims(folder.path(), "a", 600), claims(folder.path(), "b", 600), claims(folder.path(), "c", 600));
         let Asked::Held(lost) = first.ask("wool").unwrap() else { panic!("free") };
         assert_eq!(lost.lost_before, 0);
         assert!(!held(second.ask("wool").unwrap()), "a fresh claim is respected");
         // Signs of life keep it fresh.
         for _ in 0..4 {
-            sleep(Duration::from_millis(60));
+            sleep(Duration::from_millis(240));
             assert!(lost.touch());
         }
         assert!(!held(second.ask("wool").unwrap()));
-        sleep(Duration::from_millis(300));
+        sleep(Duration::from_millis(900));
         let Asked::Held(own) = second.ask("wool").unwrap() else { panic!("stale") };
         assert_eq!(own.lost_before, 1);
         assert!(!held(third.ask("wool").unwrap()));
@@ -300,6 +310,20 @@ mod tests {
         assert!(own.is_held());
         drop(own);
         assert!(holder_of(&third.folder, "wool").is_none());
+    }
+
+    #[test]
+    fn a_stale_claim_of_what_is_done_is_cleared_and_a_fresh_one_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let (first, second) = (claims(folder.path(), "a", 600), claims(folder.path(), "b", 600));
+        let Asked::Held(own) = first.ask("wool").unwrap() else { panic!("free") };
+        second.clear("wool");
+        second.clear("silk");
+        assert!(own.is_held());
+        sleep(Duration::from_millis(900));
+        second.clear("wool");
+        assert!(!own.is_held());
+        assert_eq!(fs::read_dir(folder.path().join("claims")).unwrap().count(), 0);
     }
 
     #[test]

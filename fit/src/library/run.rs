@@ -185,7 +185,11 @@ impl Worker<'_> {
             self.monitor.check()?;
             let material = &self.plan.materials[*number];
             let key = record_key(material, &self.plan.options_of(material));
-            match self.state(material, &key) {
+            let state = self.state(material, &key);
+            if !matches!(state, State::Open) {
+                self.claims.clear(&material.name);
+            }
+            match state {
                 State::Done => outcome.done_before += 1,
                 State::Failed => outcome.failed_before += 1,
                 State::Open => match self.claims.ask(&material.name) {
