@@ -16,8 +16,10 @@
 //! exist only where the error of a file is counted ([`Metrics`]). Results do not depend on the number of
 //! threads, and memory stays within [`FitParams::memory_bytes`].
 
+mod cost;
 mod error;
 mod export;
+mod gpu;
 mod input;
 mod inspect;
 mod library;
@@ -39,6 +41,10 @@ mod stages;
 mod trade;
 
 pub use btf_capture::{bytes_from_text, text_from_bytes};
+pub use cost::image_probe::ImageProbe;
+pub use cost::model::{CostModel, FitCost, product_gflops};
+pub use cost::training::{MeasuredFit, learn_cost};
+pub use cost::work::FitWork;
 pub use error::FitError;
 pub use export::gltf::brdf::{GltfTexel, Sheen};
 pub use export::gltf::document::{AssetPlace, EXTENSION, GltfExport, export_gltf};
@@ -54,6 +60,8 @@ pub use export::openpbr::materialx::{MaterialXNames, materialx_document};
 pub use export::openpbr::model::OpenPbrTexel;
 pub use export::openpbr::textures::{OpenPbrTexture, OpenPbrTextures};
 pub use export::usd::export::{UsdExport, export_usd};
+pub use gpu::device::GpuChoice;
+pub use gpu::speed::{GemmBench, ProductSpeed, bench_gemm};
 pub use input::layer_frame::{capture_directions, layer_directions, side_of_layer, sides_of_capture};
 pub use input::tile_cache::{Mapping, Tile, TileCache};
 pub use inspect::convert::{Shape, convert};
@@ -72,6 +80,7 @@ pub use inspect::validate::{FindingCounts, FindingRecord, Validation, validate, 
 pub use library::catalogue::{catalogue_csv, catalogue_html};
 pub use library::collect::{CollectedMaterial, Library, Status, collect_library};
 pub use library::discover::{discover_captures, glob_from_text};
+pub use library::estimate::{EstimateParams, LibraryEstimate, MaterialCost, estimate_library};
 pub use library::likeness::Likeness;
 pub use library::options::MaterialOptions;
 pub use library::plan::{LibraryPlan, PlanRule, PlannedMaterial};
@@ -105,7 +114,6 @@ pub use stages::lasso::{
     LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso,
 };
 pub use stages::lobe_dictionaries::LobeFigures;
-pub use trade::gpu_clock::GpuChoice;
 pub use trade::page::{trade_csv, trade_html, trade_plots};
 pub use trade::params::TradeParams;
 pub use trade::pareto::{CostAndGain, pareto_front};

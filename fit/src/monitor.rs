@@ -1,6 +1,7 @@
 //! Progress and cancellation (Ctrl-C) as the library sees them.
 
 use crate::error::FitError;
+use cpu_time::ProcessTime;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -13,8 +14,8 @@ pub struct Monitor {
     whole_cancelled: Option<Arc<AtomicBool>>,
     listener: Option<Box<Listener>>,
     hearer: Option<Box<Hearer>>,
-    /// Stages that run now, outermost first, each with the seconds of the stages that ran inside it.
-    running: Mutex<Vec<(String, f64)>>,
+    /// Stages that run now, outermost first, each with the time of the stages that ran inside it.
+    running: Mutex<Vec<(String, Spent)>>,
     stages: Mutex<Vec<Stage>>,
     skipped: Mutex<Vec<String>>,
 }
@@ -29,6 +30,16 @@ pub struct Stage {
     pub name: String,
     /// Wall-clock seconds without stages that ran inside it.
     pub seconds: f64,
+    /// Seconds of processor time of all threads of the program, without stages that ran inside it. Other work that
+    /// runs at the same time in this program counts, too.
+    pub processor_s: f64,
+}
+
+/// Time that a stage took, in seconds.
+#[derive(Debug, Clone, Copy, Default)]
+struct Spent {
+    wall_s: f64,
+    processor_s: f64,
 }
 
 impl Monitor {
@@ -99,16 +110,17 @@ impl Monitor {
     /// stage, and the end of a stage inside it, are reported as 0 of 0.
     pub fn stage<T>(&self, name: &str, work: impl FnOnce() -> Result<T, FitError>) -> Result<T, FitError> {
         if let Ok(mut running) = self.running.lock() {
-            running.push((name.to_string(), 0.0));
+            running.push((name.to_string(), Spent::default()));
         }
-        let start = Instant::now();
+        let (start, processor) = (Instant::now(), ProcessTime::now());
         let result = self.report(name, 0, 0).and_then(|()| work());
-        let seconds = start.elapsed().as_secs_f64();
-        let (mut inside, mut around) = (0.0, None);
+        let (wall_s, processor_s) = (start.elapsed().as_secs_f64(), processor.elapsed().as_secs_f64());
+        let (mut inside, mut around) = (Spent::default(), None);
         if let Ok(mut running) = self.running.lock() {
-            inside = running.pop().map_or(0.0, |(_, inside)| inside);
+            inside = running.pop().map_or(inside, |(_, inside)| inside);
             if let Some(outer) = running.last_mut() {
-                outer.1 += seconds;
+                outer.1.wall_s += wall_s;
+                outer.1.processor_s += processor_s;
                 around = Some(outer.0.clone());
             }
         }
@@ -117,9 +129,13 @@ impl Monitor {
             listener(&around, 0, 0);
         }
         if let Ok(mut stages) = self.stages.lock() {
+            let (seconds, processor_s) = (wall_s - inside.wall_s, processor_s - inside.processor_s);
             match stages.iter_mut().find(|stage| stage.name == name) {
-                Some(stage) => stage.seconds += seconds - inside,
-                None => stages.push(Stage { name: name.to_string(), seconds: seconds - inside }),
+                Some(stage) => {
+                    stage.seconds += seconds;
+                    stage.processor_s += processor_s;
+                }
+                None => stages.push(Stage { name: name.to_string(), seconds, processor_s }),
             }
         }
         result

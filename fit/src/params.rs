@@ -1,6 +1,7 @@
 //! What a fit is asked for.
 
 use crate::error::FitError;
+use crate::gpu::device::GpuChoice;
 use btf_capture::Capture;
 use btf_runtime::{LobeRole, MAX_COMPONENTS, MAX_LOG, ROOT, ResidualKind};
 use serde::{Deserialize, Serialize};
@@ -163,6 +164,8 @@ pub struct FitParams {
     pub seed: u64,
     /// Which k-means.
     pub kmeans: KMeansEngine,
+    /// Adapter that multiplies matrices where it is quicker than the CPU. The asset then differs by rounding.
+    pub gpu: GpuChoice,
     /// Folder for the temporary cache.
     pub cache_directory: PathBuf,
     /// Folder in which the results of finished stages are kept and looked for; `None` keeps nothing.
@@ -193,6 +196,7 @@ impl Default for FitParams {
             heights: false,
             seed: 1,
             kmeans: KMeansEngine::Product,
+            gpu: GpuChoice::Off,
             cache_directory: PathBuf::from("."),
             resume: None,
         }
@@ -299,6 +303,11 @@ impl ValidFitParams {
     /// Returns whether the weights of lobes follow from the residual's coefficients.
     pub fn predicts_lobes(&self) -> bool {
         self.role() == Role::Base && self.goal() != Goal::None && self.lobes() > 0
+    }
+
+    /// Returns the adapter that may multiply matrices.
+    pub fn gpu(&self) -> &GpuChoice {
+        &self.asked.gpu
     }
 
     /// Returns the largest asset in bytes, where the goal is a size.

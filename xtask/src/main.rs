@@ -25,7 +25,7 @@ mod suite;
 mod tools;
 
 use chores::{
-    bench, blender, book, c, check, demo, fuzz, gpu_report, header, priors, python, setup, shaders, volumes, web,
+    bench, blender, book, c, check, cost, demo, fuzz, gpu_report, header, priors, python, setup, shaders, volumes, web,
 };
 use failure::Failure;
 use std::process::ExitCode;
@@ -41,6 +41,7 @@ Chores:
   blender build, install and test the add-on for Blender
   c       build and install the library for C and C++
   book    make a site of the documents, target/book
+  cost    time fits, and learn what `btf-fit library plan --estimate` tells hours by
   fuzz    fuzz the packed formats and the readers of models and captures with libFuzzer
   gpu-report
           write what `btf-view bench gpu` measured as a page of the documents
@@ -81,6 +82,7 @@ fn run(arguments: &[String]) -> Result<(), Failure> {
         "bench" => bench::run(rest),
         "blender" => blender::run(rest),
         "book" => book::run(rest),
+        "cost" => cost::run(rest),
         "fuzz" => fuzz::run(rest),
         "gpu-report" => gpu_report::run(rest),
         "python" => python::run(rest),

@@ -6,13 +6,15 @@ use super::output::{check_distinct, check_file, complain, is_stdout, tell};
 use super::progress;
 use btf_capture::{Capture, write_file_atomically};
 use btf_fit::{
-    ErrorMeasure, FitError, FitParams, Fitted, Forecast, KMeansEngine, LastStage, LobeUse, Metrics, Monitor,
+    ErrorMeasure, FitError, FitParams, Fitted, Forecast, GpuChoice, KMeansEngine, LastStage, LobeUse, Metrics, Monitor,
     ReportInput, ReportLayer, Role, Stage, ValidFitParams, bytes_from_text, fit_and_measure, peak_memory_bytes,
     remove_finished_stages, report_html, side_of_layer, text_from_bytes,
 };
 use btf_runtime::{Layer, read_directory};
 use clap::{Args, ValueEnum};
+use cpu_time::ProcessTime;
 use serde::ser::{Serialize, SerializeMap, Serializer};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -82,6 +84,11 @@ pub(super) struct FitArgs {
     /// Seed of every random choice
     #[arg(long, default_value_t = FitParams::default().seed)]
     seed: u64,
+    /// Multiply matrices on a GPU where that is quicker: auto, off, or a part of the adapter's name, which then multiplies
+    /// whatever its speed. The asset differs from the CPU's by rounding
+    #[arg(long, value_name = "auto|off|NAME", num_args = 0..=1, default_value = "off", default_missing_value = "auto",
+        value_parser = gpu)]
+    gpu: GpuChoice,
     /// Keep every finished stage in ASSET.spmm.resume until the asset is written, and go on from what an earlier,
     /// interrupted run of the same command kept there; the asset is the same, byte for byte
     #[arg(long)]
@@ -121,6 +128,10 @@ struct FitResult<'a> {
     bytes: usize,
     seconds: f64,
     stages: Stages<'a>,
+    /// Processor time of all threads so far, seconds.
+    processor_seconds: f64,
+    /// Processor time of each stage, seconds.
+    stages_processor: BTreeMap<&'a str, f64>,
     /// Stages that an earlier run had finished; only with `--resume`.
     #[serde(skip_serializing_if = "Option::is_none")]
     resumed: Option<Vec<String>>,
@@ -190,7 +201,7 @@ impl Serialize for Stages<'_> {
 }
 
 pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
-    let start = Instant::now();
+    let (start, processor) = (Instant::now(), ProcessTime::now());
     let mut params = params(args);
     check(&params)?;
     let outputs: Vec<&Path> = [Some(&args.output), args.report.as_ref(), args.json.as_ref()]
@@ -235,6 +246,8 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         bytes: fitted.bytes.len(),
         seconds: start.elapsed().as_secs_f64(),
         stages: Stages(&stages),
+        processor_seconds: processor.elapsed().as_secs_f64(),
+        stages_processor: stages.iter().map(|stage| (stage.name.as_str(), stage.processor_s)).collect(),
         resumed: args.resume.then(|| monitor.skipped()),
         peak_memory_bytes: peak_memory_bytes(),
         metrics: fitted.metrics,
@@ -260,6 +273,16 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         ));
     }
     Ok(())
+}
+
+/// Reads the choice of an adapter.
+pub(super) fn gpu(text: &str) -> Result<GpuChoice, String> {
+    Ok(match text {
+        "auto" => GpuChoice::Best,
+        "off" => GpuChoice::Off,
+        "" => return Err("give auto, off or a part of an adapter's name".into()),
+        name => GpuChoice::Named(name.into()),
+    })
 }
 
 fn check(params: &FitParams) -> Result<ValidFitParams, Failure> {
@@ -309,6 +332,7 @@ fn params(args: &FitArgs) -> FitParams {
             KMeansArg::Linfa => KMeansEngine::Linfa,
             KMeansArg::Levels => KMeansEngine::Levels,
         },
+        gpu: args.gpu.clone(),
         cache_directory: folder.to_path_buf(),
         resume: args.resume.then(|| {
             let mut name = args.output.clone().into_os_string();
@@ -412,7 +436,10 @@ mod tests {
 
     #[test]
     fn json_has_the_keys_that_scripts_rely_on_and_stages_in_order() {
-        let stages = [Stage { name: "read".into(), seconds: 1.0 }, Stage { name: "cluster".into(), seconds: 2.0 }];
+        let stages = [
+            Stage { name: "read".into(), seconds: 1.0, processor_s: 1.0 },
+            Stage { name: "cluster".into(), seconds: 2.0, processor_s: 2.0 },
+        ];
         let metrics = Metrics {
             psnr_db: 34.0,
             psnr_linear_db: 40.0,
@@ -427,6 +454,8 @@ mod tests {
             bytes: 5,
             seconds: 3.0,
             stages: Stages(&stages),
+            processor_seconds: 5.0,
+            stages_processor: BTreeMap::new(),
             resumed: None,
             peak_memory_bytes: Some(7),
             metrics,

@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand.
 
+mod bench;
 mod compare;
 mod compare_voltex;
 mod convert;
@@ -50,6 +51,7 @@ enum Command {
     ExportUsd(export_usd::ExportUsdArgs),
     Voltex(voltex::VoltexArgs),
     Library(library::LibraryArgs),
+    Bench(bench::BenchArgs),
     LearnPriors(priors::learn::LearnPriorsArgs),
     ProposeDirections(priors::propose::ProposeDirectionsArgs),
 }
@@ -74,6 +76,7 @@ pub(crate) fn run(cli: Cli) -> Exit {
         Command::ExportUsd(args) => export_usd::run(args, &cli.shared),
         Command::Voltex(args) => voltex::run(args, &cli.shared),
         Command::Library(args) => library::run(args, &cli.shared),
+        Command::Bench(args) => bench::run(args, &cli.shared),
         Command::LearnPriors(args) => priors::learn::run(args, &cli.shared),
         Command::ProposeDirections(args) => priors::propose::run(args, &cli.shared),
     };

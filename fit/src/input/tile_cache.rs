@@ -413,6 +413,11 @@ impl<'a> TileCache<'a> {
         self.texels
     }
 
+    /// Returns whether samples are held as the 8-bit codes of the files.
+    pub(crate) fn is_encoded(&self) -> Result<bool, FitError> {
+        Ok(self.decoded()?.form == Form::Encoded8)
+    }
+
     /// Returns the number of direction pairs.
     pub fn pair_count(&self) -> usize {
         self.pairs

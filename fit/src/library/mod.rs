@@ -4,6 +4,7 @@ pub(crate) mod catalogue;
 pub(crate) mod claim;
 pub(crate) mod collect;
 pub(crate) mod discover;
+pub(crate) mod estimate;
 pub(crate) mod likeness;
 pub(crate) mod options;
 pub(crate) mod plan;

@@ -74,6 +74,9 @@ pub struct MaterialRecord {
     pub written_s: f64,
     /// Seconds that the fit took.
     pub seconds: f64,
+    /// Processor time of all threads in these seconds.
+    #[serde(default)]
+    pub processor_s: f64,
     /// The fit, or why there is none.
     pub outcome: Outcome,
 }

@@ -17,6 +17,7 @@ use crate::pipeline::fitted::{Fitted, fit_and_measure};
 use crate::report::base64::base64;
 use crate::resume::checkpoint::remove_finished_stages;
 use btf_capture::{Capture, write_file_atomically};
+use cpu_time::ProcessTime;
 use glob::Pattern;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -253,14 +254,14 @@ impl Worker<'_> {
             }
         }
         (self.news)(RunNews::Begun(name));
-        let start = Instant::now();
+        let (start, processor) = (Instant::now(), ProcessTime::now());
         let result = match claim.lost_before {
             0..MAX_LOST => self.fit_heard(material, claim),
             lost => Err(FitError::Library(format!(
                 "{lost} workers were lost while they fitted it, killed or out of memory; fit it alone with `btf-fit fit`, or give less `memory`"
             ))),
         };
-        let seconds = start.elapsed().as_secs_f64();
+        let (seconds, processor_s) = (start.elapsed().as_secs_f64(), processor.elapsed().as_secs_f64());
         outcome.fitting_s += seconds;
         // Interrupted by its user: the material is given back.
         self.monitor.check()?;
@@ -277,6 +278,7 @@ impl Worker<'_> {
             worker: self.claims.worker().into(),
             written_s: self.claims.clock_s(),
             seconds,
+            processor_s,
             outcome: outcome_of,
         };
         let written = write_record(self.folders, name, &record);

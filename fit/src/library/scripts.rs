@@ -25,13 +25,19 @@ pub struct WorkerLimits {
     pub memory_bytes: u64,
 }
 
+impl WorkerLimits {
+    /// Returns the memory that a fit plans for itself, bytes; the rest is for what it does not count, such as the program.
+    pub fn fit_bytes(&self) -> u64 {
+        self.memory_bytes / 4 * 3
+    }
+}
+
 /// Returns the script with which `scheduler` runs the plan at `plan` by the program `program`. Every worker fits what is not
 /// yet done, so a script may be submitted again at any time.
 pub fn library_script(scheduler: Scheduler, plan: &Path, program: &Path, limits: WorkerLimits) -> String {
     let WorkerLimits { workers, threads, memory_bytes } = limits;
     let [program, plan] = [program, plan].map(|path| path.display().to_string());
-    // What a fit plans for itself; the rest is for what it does not count, such as the program.
-    let megabytes = (memory_bytes / 4 * 3).div_ceil(1_000_000);
+    let megabytes = limits.fit_bytes().div_ceil(1_000_000);
     let command = |shard: &str| {
         let [program, plan] = [&program, &plan].map(|path| shell_word(path));
         format!(

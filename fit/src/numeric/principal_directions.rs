@@ -1,6 +1,8 @@
 //! Leading directions of many rows by a randomised range finder [Halko 2011], and the products and eigenvectors of
 //! tall matrices that it needs.
 
+use crate::gpu::product::Precision;
+use crate::gpu::row_stream::{GpuRows, RowStream};
 use nalgebra::{DMatrix, SymmetricEigen};
 use ndarray::{Array2, ArrayView2, s};
 use rand::Rng;
@@ -93,9 +95,11 @@ pub struct Rows<'a, E> {
     pub samples: usize,
     /// Function that makes a range of the rows.
     pub make: &'a (dyn Fn(std::ops::Range<usize>) -> Result<Array2<f32>, E> + Sync),
+    /// Adapter that multiplies where it is quicker, and the precision in which rows are copied to it.
+    pub gpu: Option<(&'a GpuRows, Precision)>,
 }
 
-impl<E: Send> Rows<'_, E> {
+impl<'a, E: Send> Rows<'a, E> {
     /// Returns `work(rows)` of each block of [`ROW_BLOCK`] rows, in order.
     fn map<R: Send>(&self, work: impl Fn(Array2<f32>) -> R + Sync) -> Result<Vec<R>, E> {
         (0..self.count)
@@ -106,8 +110,35 @@ impl<E: Send> Rows<'_, E> {
             .collect()
     }
 
+    /// Pushes all rows into what `stream` begins on the adapter; `None` where there is none, it is slower or it fails, which
+    /// the CPU makes good.
+    fn on_gpu(
+        &self,
+        stream: impl FnOnce(&'a GpuRows, Precision) -> Option<RowStream<'a>>,
+    ) -> Result<Option<Array2<f32>>, E> {
+        let Some((gpu, precision)) = self.gpu.filter(|(gpu, _)| gpu.is_quicker()) else { return Ok(None) };
+        let Some(mut stream) = stream(gpu, precision) else { return Ok(None) };
+        let blocks: Vec<usize> = (0..self.count).step_by(ROW_BLOCK).collect();
+        for group in blocks.chunks(rayon::current_num_threads().max(2)) {
+            let made: Vec<Array2<f32>> = group
+                .par_iter()
+                .map(|&first| (self.make)(first..(first + ROW_BLOCK).min(self.count)))
+                .collect::<Result<_, E>>()?;
+            if made.iter().try_for_each(|rows| stream.push(rows)).is_none() {
+                return Ok(None);
+            }
+        }
+        Ok(stream.finish())
+    }
+
     /// Returns `X q`, where X are the rows.
     fn times(&self, q: &Array2<f32>) -> Result<Array2<f32>, E> {
+        if let Some((gpu, precision)) = self.gpu.filter(|(gpu, _)| !gpu.is_tried()) {
+            gpu.try_on(&(self.make)(0..ROW_BLOCK.min(self.count))?, q, precision);
+        }
+        if let Some(found) = self.on_gpu(|gpu, precision| RowStream::times(gpu, self.count, q, precision))? {
+            return Ok(found);
+        }
         let parts = self.map(|rows| rows.dot(q))?;
         let views: Vec<_> = parts.iter().map(|part| part.view()).collect();
         Ok(ndarray::concatenate(ndarray::Axis(0), &views).unwrap_or_else(|_| Array2::zeros((0, q.ncols()))))
@@ -115,6 +146,10 @@ impl<E: Send> Rows<'_, E> {
 
     /// Returns `X' q`, where X are the rows, with blocks added in an order that does not depend on threads.
     fn transposed_times(&self, q: &Array2<f32>) -> Result<Array2<f32>, E> {
+        let stream = |gpu, precision| RowStream::transposed_times(gpu, self.samples, q, precision);
+        if let Some(found) = self.on_gpu(stream)? {
+            return Ok(found);
+        }
         let blocks: Vec<usize> = (0..self.count).step_by(ROW_BLOCK).collect();
         let mut sum = Array2::<f32>::zeros((self.samples, q.ncols()));
         // Eight sums at a time bound the memory; within one the order is fixed.
@@ -169,6 +204,7 @@ pub fn principal_directions<E: Send>(
             let first = range.start * every;
             (rows.make)(first..first + range.len())
         },
+        gpu: rows.gpu,
     };
     let q = orthonormalize(&start.times(&gaussian(rows.samples, rank, random))?);
     let back = orthonormalize(&start.transposed_times(&q)?);

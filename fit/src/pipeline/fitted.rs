@@ -106,9 +106,11 @@ pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::device::GpuChoice;
+    use crate::gpu::speed::open_for_test;
     use crate::measure::compare::measure;
     use crate::measure::expand::{ExpandParams, expand};
-    use crate::params::FitParams;
+    use crate::params::{FitParams, Role};
     use crate::sample_asset::sample_asset_with;
     use btf_capture::DirectionSet;
     use btf_runtime::ResidualKind;
@@ -142,5 +144,39 @@ mod tests {
         let left_out = fitted.psnr_left_out_db.unwrap();
         assert!(left_out.is_finite() && left_out != fitted.metrics.psnr_db);
         assert_eq!(fit_and_measure(&captures, &params, &monitor).unwrap().bytes, fitted.bytes);
+    }
+
+    #[test]
+    fn a_fit_on_an_adapter_is_that_of_the_cpu_within_a_fiftieth_of_a_decibel() {
+        let Some(products) = open_for_test("a_fit_on_an_adapter_is_that_of_the_cpu_within_a_fiftieth_of_a_decibel")
+        else {
+            return;
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let (views, lights) = (DirectionSet::random(9, 3).unwrap(), DirectionSet::random(10, 4).unwrap());
+        let source = sample_asset_with(40, 30, &views, &lights, ResidualKind::Root);
+        let capture = folder.path().join("capture");
+        let monitor = Monitor::default();
+        expand(&source, &Resident::from_asset(&source), &capture, &ExpandParams::default(), &monitor).unwrap();
+        let captures = [Capture::open(&capture).unwrap()];
+        let remarks = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+        let heard = remarks.clone();
+        let hearing = Monitor::default().on_remark(move |remark| heard.lock().unwrap().push(remark.to_string()));
+        let fitted = |gpu: GpuChoice| {
+            let params =
+                FitParams { clusters: 1, role: Some(Role::Guide), components: Some(6), gpu, ..FitParams::default() };
+            fit_and_measure(&captures, &params.check().unwrap(), &hearing).unwrap().metrics.psnr_db
+        };
+        let on_cpu = fitted(GpuChoice::Off);
+        assert!(remarks.lock().unwrap().is_empty());
+        let name = products.gpu().name.clone();
+        let on_gpu = fitted(GpuChoice::Named(name.clone()));
+        assert!((on_gpu - on_cpu).abs() < 0.02, "{on_gpu} {on_cpu}");
+        let told = remarks.lock().unwrap().join("; ");
+        assert!(told.contains("matrices were multiplied") && told.contains(&name), "{told}");
+        // As few operations as here are never worth an adapter that nobody named.
+        remarks.lock().unwrap().clear();
+        assert_eq!(fitted(GpuChoice::Best), on_cpu);
+        assert!(remarks.lock().unwrap().is_empty());
     }
 }

@@ -1,6 +1,8 @@
 //! Shares the memory limit of a fit out before anything is read.
 
 use crate::error::FitError;
+use crate::gpu::device::GpuChoice;
+use crate::gpu::row_stream::BATCH_BYTES;
 use crate::numeric::principal_directions::ROW_BLOCK;
 use crate::params::ValidFitParams;
 use crate::pipeline::representatives::REPRESENTATIVES;
@@ -108,7 +110,8 @@ fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, waiting
     let predicts = params.leave_out() > 0.0 || !info.missing.is_empty();
     let prediction = if predicts { 3 * FLOAT * MAX_FUNCTIONS * pairs } else { 0 };
     let most = [project, cluster, dictionary, weights, encode, heights, prediction].into_iter().fold(0, usize::max);
-    kept + most + PROGRAM_BYTES + threads * THREAD_BYTES
+    let on_its_way = if *params.gpu() == GpuChoice::Off { 0 } else { 2 * BATCH_BYTES as usize };
+    kept + most + on_its_way + PROGRAM_BYTES + threads * THREAD_BYTES
 }
 
 fn bytes_in_words(bytes: usize) -> String {

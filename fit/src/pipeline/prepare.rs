@@ -1,12 +1,14 @@
 //! A fit up to the choice of its step: what `fit` searches in and `trade` sweeps over.
 
 use crate::error::FitError;
+use crate::gpu::device::GpuChoice;
+use crate::gpu::row_stream::GpuRows;
 use crate::input::tile_cache::{DecodedImages, TileCache};
 use crate::monitor::Monitor;
 use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{assemble, greatest_coefficient};
 use crate::pipeline::choose_error::with_chosen_error;
-use crate::pipeline::memory_plan::{MemoryPlan, plan_memory};
+use crate::pipeline::memory_plan::{MemoryPlan, plan_memory, shared_bases};
 use crate::pipeline::prepare_layer::{PreparedLayer, prepare_layer};
 use crate::resume::checkpoint::Checkpoint;
 use crate::stages::encode::Coding;
@@ -43,6 +45,33 @@ fn remark_on(capture: &Capture, monitor: &Monitor) {
     }
 }
 
+/// Operations of a fit's products from which on an adapter is opened: below, opening it takes longer than they do.
+const MIN_GPU_OPERATIONS: f64 = 2e11;
+
+/// Opens the adapter that is asked for; with a remark where there is none.
+fn opened(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<Option<GpuRows>, FitError> {
+    let operations: f64 = captures
+        .iter()
+        .map(|capture| {
+            let info = capture.info();
+            let samples = 3 * info.pair_count();
+            2.0 * info.texel_count() as f64 * (samples * shared_bases(params, info.texel_count())) as f64
+        })
+        .sum();
+    match params.gpu() {
+        GpuChoice::Off => return Ok(None),
+        GpuChoice::Best if operations < MIN_GPU_OPERATIONS => return Ok(None),
+        _ => {}
+    }
+    Ok(match GpuRows::open(params.gpu())? {
+        Ok(gpu) => Some(gpu),
+        Err(reason) => {
+            monitor.remark(&format!("the fit is computed on the CPU: {reason}"));
+            None
+        }
+    })
+}
+
 impl PreparedFit {
     /// Runs every stage but the last. Memory: at most `params.memory_bytes()`; four bytes per texel and shared basis
     /// stay.
@@ -63,6 +92,7 @@ impl PreparedFit {
         monitor: &Monitor,
     ) -> Result<PreparedFit, FitError> {
         let first = captures[0].info();
+        let gpu = opened(captures, params, monitor)?;
         let mut prepared = PreparedFit { layers: Vec::new(), grid: [first.width, first.height], images: None };
         for (number, capture) in captures.iter().enumerate() {
             remark_on(capture, monitor);
@@ -71,10 +101,17 @@ impl PreparedFit {
             // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
             let (most, kept) = (params.error().most(), Some(&stages));
             let cache = TileCache::new(capture, 2 * cache_bytes, params.cache_directory(), most, kept, monitor)?;
-            prepared.layers.push(prepare_layer(capture.info(), &cache, params, sample, &stages)?);
+            prepared.layers.push(prepare_layer(capture.info(), &cache, params, sample, gpu.as_ref(), &stages)?);
             if captures.len() == 1 {
                 prepared.images = cache.into_images();
             }
+        }
+        if let Some(gpu) = gpu {
+            let name = gpu.name();
+            monitor.remark(&match gpu.is_quicker() {
+                true => format!("matrices were multiplied on {name}"),
+                false => format!("the CPU multiplied all matrices: {name} was not quicker"),
+            });
         }
         Ok(prepared)
     }

@@ -2,6 +2,7 @@
 //! base.
 
 use crate::error::FitError;
+use crate::gpu::row_stream::GpuRows;
 use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
@@ -39,7 +40,7 @@ const REASSIGN_COMPONENTS: usize = 8;
 const REASSIGN_ROUNDS: usize = 3;
 /// Direction pairs that a dictionary is fitted on at most where lobes guide: a third of the time of
 /// [`DICTIONARY_PAIRS`], and the lobes' error stays the same.
-const GUIDE_PAIRS: usize = 1100;
+pub const GUIDE_PAIRS: usize = 1100;
 /// Texels that the clusters' means are taken from where lobes guide.
 const MEAN_SAMPLE: usize = 4096;
 /// Texels that the prediction of held-back pairs is learnt from.
@@ -68,9 +69,10 @@ pub fn prepare_layer(
     cache: &TileCache,
     params: &ValidFitParams,
     sample: usize,
+    gpu: Option<&GpuRows>,
     stages: &Stages,
 ) -> Result<PreparedLayer, FitError> {
-    let source = LayerSource::new(info, cache, params, sample, stages)?;
+    let source = LayerSource { gpu, ..LayerSource::new(info, cache, params, sample, stages)? };
     let mut fitted = if params.stores_lobes() { source.fit_base()? } else { source.fit_whole()? };
     let model = source.model(&mut fitted)?;
     let lobe_weights = if params.predicts_lobes() { Some(source.lobe_weights(&fitted, &model)?) } else { None };
@@ -119,6 +121,7 @@ struct LayerSource<'a> {
     cache: &'a TileCache<'a>,
     params: &'a ValidFitParams,
     sample: usize,
+    gpu: Option<&'a GpuRows>,
     stages: &'a Stages<'a>,
     views: Sphere,
     lights: Sphere,
@@ -143,8 +146,21 @@ impl<'a> LayerSource<'a> {
         let (kind, epsilon) = params.error().residual();
         let curve = Curve::new(kind, epsilon);
         let mapping = Mapping::new(cache, curve.exact());
-        let mut source =
-            LayerSource { info, cache, params, sample, stages, views, lights, kind, epsilon, curve, mapping, holdout };
+        let mut source = LayerSource {
+            info,
+            cache,
+            params,
+            sample,
+            gpu: None,
+            stages,
+            views,
+            lights,
+            kind,
+            epsilon,
+            curve,
+            mapping,
+            holdout,
+        };
         if !source.holdout.pairs.is_empty() {
             source.holdout.prediction = Some(source.prediction()?);
         }
@@ -233,7 +249,7 @@ impl<'a> LayerSource<'a> {
         self.stages.run(stage, || {
             let rank = shared_bases(self.params, self.info.texel_count());
             let monitor = self.stages.monitor();
-            Coordinates::new(&self.residual(lobes), rank, self.sample, self.params.seed(), stage, monitor)
+            Coordinates::new(&self.residual(lobes), rank, self.sample, self.params.seed(), self.gpu, (stage, monitor))
         })
     }
 

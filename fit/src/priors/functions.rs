@@ -172,7 +172,7 @@ pub fn condensed(rows: &Array2<f32>, count: usize) -> Array2<f32> {
         return rows.clone();
     }
     let make = |range: std::ops::Range<usize>| Ok::<_, std::convert::Infallible>(rows.slice(s![range, ..]).to_owned());
-    let all = Rows { count: rows.nrows(), samples: rows.ncols(), make: &make };
+    let all = Rows { count: rows.nrows(), samples: rows.ncols(), make: &make, gpu: None };
     let Ok(basis) = principal_directions(&all, count, &mut Xoshiro256PlusPlus::seed_from_u64(1));
     // The moments along the basis, as a square: their root turns it into functions.
     let scores = rows.dot(&basis);

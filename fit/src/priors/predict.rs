@@ -14,6 +14,11 @@ const NEAR: usize = 128;
 /// Missing pairs that are predicted together where all seen pairs take part.
 const BLOCK: usize = 256;
 
+/// Returns the number of seen pairs that take part in a prediction, of `seen`.
+pub fn predicting_pairs(seen: usize) -> usize {
+    if seen <= MAX_WHOLE { seen } else { NEAR }
+}
+
 /// How missing pairs follow from seen ones.
 #[derive(Debug, Clone)]
 pub struct Prediction {

@@ -58,8 +58,12 @@ pub fn features(
     let mean = block.mean_axis(Axis(0)).unwrap_or_else(|| ndarray::Array1::zeros(samples));
     block -= &mean;
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let sampled =
-        Rows { count: block.nrows(), samples, make: &|range| Ok::<_, FitError>(block.slice(s![range, ..]).to_owned()) };
+    let sampled = Rows {
+        count: block.nrows(),
+        samples,
+        make: &|range| Ok::<_, FitError>(block.slice(s![range, ..]).to_owned()),
+        gpu: None,
+    };
     let basis = principal_directions(&sampled, dimensions, &mut random)?;
     drop(block);
     monitor.check()?;

@@ -2,6 +2,8 @@
 //! them. All that follows (clusters' models, quantisation, the search for a size) works on these numbers.
 
 use crate::error::FitError;
+use crate::gpu::product::Precision;
+use crate::gpu::row_stream::{GpuRows, RowStream};
 use crate::input::texel_sample::texel_sample;
 use crate::monitor::Monitor;
 use crate::numeric::principal_directions::{Rows, principal_directions, rows_made};
@@ -32,6 +34,8 @@ impl Coordinates {
     /// Finds at most `rank` directions from `sample` texels and projects every texel onto them. The mean is not
     /// taken off: the first direction is close to it.
     ///
+    /// Products are on `gpu` where that is quicker; they are the CPU's up to rounding.
+    ///
     /// Cost: one pass over the capture, `4 texels x samples x rank` floating-point operations and as many over the
     /// sample.
     pub fn new(
@@ -39,14 +43,16 @@ impl Coordinates {
         rank: usize,
         sample: usize,
         seed: u64,
-        stage: &str,
-        monitor: &Monitor,
+        gpu: Option<&GpuRows>,
+        (stage, monitor): (&str, &Monitor),
     ) -> Result<Coordinates, FitError> {
         let texels = source.cache.texel_count();
         let chosen = texel_sample(texels, sample, seed);
         let count = chosen.len();
         let block = source.cache.gather(&chosen)?;
         // Rows of the sample are made for each product, those of all texels once.
+        // Eight bits are rounded much more coarsely than halves are.
+        let precision = if source.cache.is_encoded()? { Precision::Half } else { Precision::Single };
         let (made, all) = (AtomicUsize::new(0), rows_made(count, rank) + texels);
         let sampled = Rows {
             count,
@@ -56,23 +62,22 @@ impl Coordinates {
                 monitor.report(stage, before.min(all), all)?;
                 Ok::<_, FitError>(source.rows(&block, range, |index| chosen[index]))
             },
+            gpu: gpu.map(|gpu| (gpu, precision)),
         };
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5ba5);
         let directions = principal_directions(&sampled, rank, &mut random)?;
         drop(block);
-        let mut scores = Array2::<f32>::zeros((texels, directions.ncols()));
-        let mut squares = 0.0;
-        source.for_each_block(
-            |done| monitor.report(stage, all - texels + done, all),
-            |range, rows| {
-                let squares: f64 = rows.iter().map(|x| f64::from(*x) * f64::from(*x)).sum();
-                (range, rows.dot(&directions), squares)
-            },
-            |(range, part, part_squares)| {
-                scores.slice_mut(s![range, ..]).assign(&part);
-                squares += part_squares;
-            },
-        )?;
+        let told = |done| monitor.report(stage, all - texels + done, all);
+        let stream =
+            gpu.filter(|gpu| gpu.is_quicker()).and_then(|gpu| RowStream::times(gpu, texels, &directions, precision));
+        let on_gpu = match stream {
+            Some(stream) => projected_on_gpu(source, stream, told)?,
+            None => None,
+        };
+        let (scores, squares) = match on_gpu {
+            Some(found) => found,
+            None => projected(source, &directions, told)?,
+        };
         let energies = scores
             .columns()
             .into_iter()
@@ -80,4 +85,48 @@ impl Coordinates {
             .collect();
         Ok(Coordinates { scores, directions, squares, energies })
     }
+}
+
+/// Returns every texel's coordinates along `directions`, and the sum of all squares. `told` reports the texels that are done.
+fn projected(
+    source: &ResidualSource,
+    directions: &Array2<f32>,
+    told: impl Fn(usize) -> Result<(), FitError>,
+) -> Result<(Array2<f32>, f64), FitError> {
+    let mut scores = Array2::<f32>::zeros((source.cache.texel_count(), directions.ncols()));
+    let mut squares = 0.0;
+    source.for_each_block(
+        told,
+        |range, rows| (range, rows.dot(directions), squares_of(&rows)),
+        |(range, part, part_squares)| {
+            scores.slice_mut(s![range, ..]).assign(&part);
+            squares += part_squares;
+        },
+    )?;
+    Ok((scores, squares))
+}
+
+/// Does the same through `stream`; `None` after an error of the driver.
+fn projected_on_gpu(
+    source: &ResidualSource,
+    mut stream: RowStream,
+    told: impl Fn(usize) -> Result<(), FitError>,
+) -> Result<Option<(Array2<f32>, f64)>, FitError> {
+    let (mut squares, mut works) = (0.0, true);
+    source.for_each_block(
+        told,
+        |_, rows| {
+            let squares = squares_of(&rows);
+            (rows, squares)
+        },
+        |(rows, part_squares)| {
+            works = works && stream.push(&rows).is_some();
+            squares += part_squares;
+        },
+    )?;
+    Ok(stream.finish().filter(|_| works).map(|scores| (scores, squares)))
+}
+
+fn squares_of(rows: &Array2<f32>) -> f64 {
+    rows.iter().map(|x| f64::from(*x) * f64::from(*x)).sum()
 }

@@ -1,8 +1,8 @@
 //! Parameters of a trade.
 
 use crate::error::FitError;
+use crate::gpu::device::GpuChoice;
 use crate::params::{FitParams, Role};
-use crate::trade::gpu_clock::GpuChoice;
 use btf_runtime::MAX_COMPONENTS;
 
 /// Settings of a trade and how they are measured.

@@ -139,6 +139,57 @@ fn a_capture_that_cannot_be_fitted_stops_itself_alone_and_the_catalogue_tells_wh
 }
 
 #[test]
+fn what_is_left_is_told_in_hours_and_bytes_and_what_is_done_corrects_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    library(folder, 5, &["--rule", "m004: psnr=30"]);
+    fs::create_dir(folder.join("captures/empty")).unwrap();
+    fs::write(folder.join("captures/empty/capture.toml"), "name = \"nothing\"\n").unwrap();
+    let estimate = || {
+        let options = ["--update", "--estimate", "--workers", "2", "--worker-threads", "3", "--json", "-"];
+        let output = btf_fit(&[&["library", "plan", "captures", "-o", "library.toml"][..], &options].concat(), folder);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(String::from_utf8_lossy(&output.stderr).contains("empty is left out"));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let number = |estimate: &serde_json::Value, key: &str| estimate[key].as_f64().unwrap();
+    let before = estimate();
+    assert_eq!((number(&before, "open"), number(&before, "done"), number(&before, "corrected_by")), (5.0, 0.0, 0.0));
+    assert!(before["unknown"]["empty"].is_string());
+    let hours: f64 = before["materials"].as_array().unwrap().iter().map(|one| number(one, "core_hours")).sum();
+    assert!(hours > 0.0 && (number(&before, "core_hours") / hours - 1.0).abs() < 1e-9);
+    assert!(number(&before, "hours") <= hours && 6.0 * number(&before, "hours") >= hours * (1.0 - 1e-9));
+    // Four of 8 kB, and one whose size nobody knows.
+    let [least, most] = [0, 1].map(|end| before["asset_bytes_range"][end].as_f64().unwrap());
+    let bytes = number(&before, "asset_bytes");
+    assert!(least < bytes && bytes < most && bytes > 32_000.0, "{least} {bytes} {most}");
+    assert!(number(&before, "memory_bytes") > 1e6);
+
+    let output = btf_fit(&["library", "run", "library.toml", "--only", "m00[0-3]", "--quiet"], folder);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let after = estimate();
+    assert_eq!((number(&after, "open"), number(&after, "done"), number(&after, "corrected_by")), (1.0, 4.0, 4.0));
+    let factor = number(&after, "correction");
+    assert!(factor > 0.0 && factor.is_finite());
+    let last = |estimate: &serde_json::Value| {
+        let all = estimate["materials"].as_array().unwrap();
+        number(all.iter().find(|one| one["name"] == "m004").unwrap(), "core_hours")
+    };
+    // The speed of the processor is measured anew each time.
+    let speeds = number(&after, "product_gflops") / number(&before, "product_gflops");
+    assert!((last(&after) / last(&before) * speeds / factor - 1.0).abs() < 0.2, "{factor} {speeds}");
+
+    let plain = btf_fit(&["library", "plan", "captures", "-o", "library.toml", "--update", "--estimate"], folder);
+    let told = String::from_utf8_lossy(&plain.stdout).into_owned();
+    assert!(told.contains("1 materials (4 done)") && told.contains("as 4 fits of this library were"), "{told}");
+    let (_, told) = refusal(&btf_fit(
+        &["library", "plan", "captures", "-o", "library.toml", "--update", "--estimate", "--cost", "library.toml"],
+        folder,
+    ));
+    assert!(told.contains("btf-fit bench cost"), "{told}");
+}
+
+#[test]
 fn plans_grow_and_odd_ones_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -5,6 +5,7 @@ pub mod blender;
 pub mod book;
 pub mod c;
 pub mod check;
+pub mod cost;
 pub mod demo;
 pub mod fuzz;
 pub mod gpu_report;

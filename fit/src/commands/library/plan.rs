@@ -2,11 +2,12 @@
 
 use crate::commands::failure::Failure;
 use crate::commands::options::Shared;
-use crate::commands::output::{check_distinct, check_file, is_stdout, say};
-use btf_capture::write_file_atomically;
+use crate::commands::output::{check_distinct, check_file, complain, is_stdout, say, tell};
+use crate::commands::progress;
+use btf_capture::{text_from_bytes, write_file_atomically};
 use btf_fit::{
-    LibraryPlan, MaterialOptions, PlanRule, Scheduler, WorkerLimits, bytes_from_text, discover_captures,
-    library_script, real_path,
+    CostModel, EstimateParams, LibraryEstimate, LibraryPlan, MaterialOptions, PlanRule, Scheduler, WorkerLimits,
+    bytes_from_text, discover_captures, estimate_library, library_script, real_path,
 };
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -19,7 +20,8 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   btf-fit library plan CAPTURES -o library.toml --bytes 2MB
   btf-fit library plan CAPTURES -o library.toml --psnr 36 --rule 'leather*: bytes=4MB priority=2' --match 'shoes/*'
-  btf-fit library plan CAPTURES -o library.toml --update --slurm library.sh --workers 16 --worker-threads 8")]
+  btf-fit library plan CAPTURES -o library.toml --update --slurm library.sh --workers 16 --worker-threads 8
+  btf-fit library plan CAPTURES -o library.toml --update --estimate --workers 16    # hours, memory and disk of what is left")]
 pub(super) struct PlanArgs {
     /// Folder with captures, in folders of any depth
     #[arg(value_name = "DIR")]
@@ -55,13 +57,23 @@ pub(super) struct PlanArgs {
     /// Write a shell command a line, one for each worker, as for GNU parallel
     #[arg(long, value_name = "COMMANDS.txt")]
     commands: Option<PathBuf>,
-    /// Workers of these scripts
+    /// Tell what the fits that are not yet done will cost: core hours, memory and disk. Opens every capture, and decodes a
+    /// few images of some; fits that this library has already correct it
+    #[arg(long)]
+    estimate: bool,
+    /// Constants of the estimate, from `btf-fit bench cost`, in place of those that come with the program
+    #[arg(long, value_name = "COST.toml", requires = "estimate")]
+    cost: Option<PathBuf>,
+    /// Write the estimate as JSON; - for standard output
+    #[arg(long, value_name = "FILE", requires = "estimate")]
+    json: Option<PathBuf>,
+    /// Workers of these scripts and of the estimate
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     workers: u32,
-    /// Threads of each worker of these scripts
+    /// Threads of each worker
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1024))]
     worker_threads: u32,
-    /// Memory of each worker of these scripts
+    /// Memory of each worker
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "6GB")]
     worker_memory: u64,
 }
@@ -85,7 +97,8 @@ pub(super) fn run(args: &PlanArgs, shared: &Shared) -> Result<(), Failure> {
     if scripts.iter().any(|(_, path)| is_stdout(path)) {
         return Err(Failure::Usage("a script is a file; give --slurm, --opencue or --commands a file name".into()));
     }
-    let outputs: Vec<&Path> = scripts.iter().map(|(_, path)| *path).chain([args.output.as_path()]).collect();
+    let outputs: Vec<&Path> =
+        scripts.iter().map(|(_, path)| *path).chain([args.output.as_path()]).chain(args.json.as_deref()).collect();
     check_distinct(&outputs)?;
     for path in &outputs {
         check_file(path, &[])?;
@@ -96,6 +109,7 @@ pub(super) fn run(args: &PlanArgs, shared: &Shared) -> Result<(), Failure> {
             args.output.display()
         )));
     }
+    let cost = if args.estimate { Some(cost_model(args)?) } else { None };
     let found = discover_captures(&args.folder, &args.globs)?;
     let captures: Vec<PathBuf> = found.iter().map(|below| relative(&args.folder.join(below), &args.output)).collect();
     let (plan, added) = if args.update {
@@ -126,10 +140,67 @@ pub(super) fn run(args: &PlanArgs, shared: &Shared) -> Result<(), Failure> {
         let script = library_script(kind, &real_path(&args.output), &program, limits);
         write_file_atomically(path, script.as_bytes())?;
     }
-    if !shared.quiet {
+    let quiet = shared.quiet || args.json.as_deref().is_some_and(is_stdout);
+    if !quiet {
         say(&format!("{}: {} materials, {added} of them new", args.output.display(), plan.materials.len()));
     }
+    let Some(cost) = cost else { return Ok(()) };
+    let params = EstimateParams { workers: limits.workers, threads: limits.threads, memory_bytes: limits.fit_bytes() };
+    let monitor = progress::monitor(shared, None)?;
+    let estimate = estimate_library(&plan, &args.output, &cost, &params, &monitor)?;
+    tell(args.json.as_deref(), quiet, &estimate, || estimate_in_words(&estimate, limits))?;
+    for (name, reason) in &estimate.unknown {
+        complain(&format!("{name} is left out: {reason}"));
+    }
     Ok(())
+}
+
+fn cost_model(args: &PlanArgs) -> Result<CostModel, Failure> {
+    Ok(match &args.cost {
+        Some(path) => CostModel::read(path)?,
+        None => CostModel::built_in()?,
+    })
+}
+
+fn estimate_in_words(estimate: &LibraryEstimate, limits: WorkerLimits) -> String {
+    if estimate.open == 0 {
+        return format!("to fit: nothing, all {} materials are done", estimate.done);
+    }
+    let size = |bytes: f64| text_from_bytes(bytes.max(0.0) as u64);
+    let hours = |hours: f64| match hours {
+        0.0..0.05 => format!("{:.1} minutes", 60.0 * hours),
+        0.05..2.0 => format!("{:.0} minutes", 60.0 * hours),
+        _ => format!("{hours:.1} hours"),
+    };
+    let [least, most] = estimate.asset_bytes_range;
+    let range =
+        if most > least { format!(" (two of three times {} to {})", size(least), size(most)) } else { String::new() };
+    let mut lines = vec![
+        format!(
+            "to fit: {} materials ({} done), {:.2} core hours, {} with {} workers of {} threads",
+            estimate.open,
+            estimate.done,
+            estimate.core_hours,
+            hours(estimate.hours),
+            limits.workers,
+            limits.threads
+        ),
+        format!("memory: {} of a worker's {}", size(estimate.memory_bytes), text_from_bytes(limits.memory_bytes)),
+        format!(
+            "disk: {} of assets{range}, {} of records, at most {} of temporary files",
+            size(estimate.asset_bytes),
+            size(estimate.record_bytes),
+            size(estimate.temporary_bytes)
+        ),
+    ];
+    if estimate.corrected_by > 0 {
+        let factor = estimate.correction;
+        lines.push(format!(
+            "times are multiplied by {factor:.2}, as {} fits of this library were",
+            estimate.corrected_by
+        ));
+    }
+    lines.join("\n")
 }
 
 /// Returns `path` relative to the folder of `plan` where it lies below it, else absolute.

@@ -68,7 +68,7 @@ fn the_page_stands_alone_and_shows_the_figures() {
     expand(&asset, &resident, &folder.path().join("capture"), &fewer, &monitor).unwrap();
     let capture = Capture::open(folder.path().join("capture")).unwrap();
     let comparison = measure(&capture, &asset, &resident, &MeasureParams::default(), &monitor).unwrap();
-    let stages = [Stage { name: "cluster".into(), seconds: 1.5 }];
+    let stages = [Stage { name: "cluster".into(), seconds: 1.5, processor_s: 1.5 }];
     let input = ReportInput {
         bytes: &bytes,
         asset: &asset,

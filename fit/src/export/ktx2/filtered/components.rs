@@ -148,7 +148,7 @@ impl<'a> AllLevels<'a> {
 /// Returns the principal directions of the values less `mean`.
 fn directions(all: &AllLevels, mean: &Array1<f32>, count: usize) -> Result<Array2<f32>, FitError> {
     let make = |range: Range<usize>| all.rows(range, mean);
-    let rows = Rows { count: all.count(), samples: mean.len(), make: &make };
+    let rows = Rows { count: all.count(), samples: mean.len(), make: &make, gpu: None };
     principal_directions(&rows, count, &mut Xoshiro256PlusPlus::seed_from_u64(0))
 }
 
