@@ -99,7 +99,7 @@ impl FitWork {
         })
     }
 
-    /// Returns the names of the stages of this fit, and last [`OTHER`].
+    /// Returns the names of the stages of this fit, and last `other`: what it does between them.
     pub fn stages(&self) -> Vec<&'static str> {
         let runs = |stage: &&str| match *stage {
             "leave-out" => self.missing > 0,
