@@ -13,8 +13,8 @@
 //! ```
 //!
 //! [`fit_and_measure`] is the whole job. Every stage reads linear reflectance x cosine; 8-bit values
-//! exist only where the error of a file is counted ([`Metrics`]). Results do not depend on the number of
-//! threads, and memory stays within [`FitParams::memory_bytes`].
+//! exist only where the error of a file is counted ([`Metrics`]). Without a GPU results do not depend on the number
+//! of threads, and memory stays within [`FitParams::memory_bytes`].
 
 mod cost;
 mod error;

@@ -6,8 +6,8 @@ use crate::faults::{capture_error, fit_error, value_error};
 use crate::work;
 use btf_capture::{AtomicFile, Capture, bytes_from_text, write_file_atomically};
 use btf_fit::{
-    ErrorMeasure, FitParams, MeasureParams, Metrics, fit_and_measure, layer_for_capture, measure, output_fault,
-    resident_in_parallel,
+    ErrorMeasure, FitParams, GpuChoice, MeasureParams, Metrics, Priors, fit_and_measure, layer_for_capture, measure,
+    output_fault, resident_in_parallel,
 };
 use btf_runtime::Asset;
 use pyo3::prelude::*;
@@ -23,6 +23,9 @@ use std::path::{Path, PathBuf};
 /// clusters, lobes, components: numbers of the model; None for what the goal gives.
 /// error: "gamma", "linear" or "log", the error to make small; "auto" chooses.
 /// heights: whether to find the texels' heights, where they predict steep views.
+/// priors: paths of fitted assets by which pairs without an image are predicted; None for those that come with the program,
+/// an empty list for none.
+/// gpu: "off", "auto" for the adapter that multiplies matrices quicker than the processor, or a part of an adapter's name.
 /// seed: of every random choice. The same capture, parameters and seed give the same bytes on any number of threads.
 /// memory: most memory to use, a number or a text such as "4GB".
 /// threads: 0 for as many as there are processors.
@@ -33,7 +36,7 @@ use std::path::{Path, PathBuf};
 #[allow(clippy::too_many_arguments, reason = "each is an argument of the Python function, most by keyword")]
 #[pyfunction]
 #[pyo3(signature = (capture, *, bytes=None, psnr_db=None, output=None, clusters=None, lobes=None, components=None,
-                    error="auto", heights=false, seed=1, memory=None, threads=0, progress=None))]
+                    error="auto", heights=false, priors=None, gpu="off", seed=1, memory=None, threads=0, progress=None))]
 pub fn fit(
     py: Python<'_>,
     capture: &Bound<'_, PyAny>,
@@ -45,6 +48,8 @@ pub fn fit(
     components: Option<usize>,
     error: &str,
     heights: bool,
+    priors: Option<Vec<PathBuf>>,
+    gpu: &str,
     seed: u64,
     memory: Option<&Bound<'_, PyAny>>,
     threads: usize,
@@ -73,6 +78,8 @@ pub fn fit(
             }
         },
         heights,
+        priors: priors.map_or(Priors::BuiltIn, Priors::Assets),
+        gpu: GpuChoice::from_words(gpu).map_err(|reason| value_error(format!("gpu: {reason}")))?,
         seed,
         memory_bytes: memory.map_or(Ok(usual.memory_bytes), |size| size_of(size, "memory"))?,
         cache_directory: folder_of(output.as_deref()),

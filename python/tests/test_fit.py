@@ -116,6 +116,28 @@ class Arrays(Refusing):
             # Opened from the file, and measured by its path.
             self.assertEqual(btf.compare(path, self.capture), btf.compare(btf.open(path), self.capture))
 
+    def test_priors_predict_the_pairs_without_an_image(self):
+        with tempfile.TemporaryDirectory() as folder:
+            few, prior = Path(folder) / "few", Path(folder) / "stripes.spmm"
+            few.mkdir()
+            (few / "capture.toml").write_text("incomplete = true\n")
+            angles = [(theta, phi) for theta in (0, 30, 60) for phi in ((0,) if theta == 0 else (0, 90, 180, 270))]
+            for number, (theta, phi) in enumerate(angles):
+                for step in (0, 1, 4):
+                    light = angles[(number + step) % len(angles)]
+                    name = f"tl{light[0]:03} pl{light[1]:03} tv{theta:03} pv{phi:03}.png"
+                    (few / name).write_bytes(grey_png(SIZE, SIZE, 60 + 7 * number + 5 * step))
+            capture = btf.Capture.open(few)
+            self.assertEqual(len(capture.missing), 54)
+            btf.fit(self.capture, bytes="8kB", output=prior)
+            made = {}
+            for name, priors in (("own", [prior]), ("none", []), ("again", [str(prior)])):
+                made[name] = btf.fit(capture, bytes="8kB", output=Path(folder) / f"{name}.spmm", priors=priors)
+            read = {name: (Path(folder) / f"{name}.spmm").read_bytes() for name in made}
+            self.assertEqual(read["own"], read["again"])
+            self.assertNotEqual(read["own"], read["none"])
+            self.refused(OSError, "gone.spmm", btf.fit, capture, priors=[Path(folder) / "gone.spmm"])
+
     def test_what_does_not_fit_is_one_sentence(self):
         good, directions = images(), DIRECTIONS
         make = btf.Capture
@@ -130,6 +152,8 @@ class Arrays(Refusing):
         self.refused(ValueError, "NaN", btf.fit, make(bad, directions, directions))
         self.refused(ValueError, "error is 'l2'", btf.fit, self.capture, error="l2")
         self.refused(ValueError, "bytes", btf.fit, self.capture, bytes="much")
+        self.refused(ValueError, "gpu", btf.fit, self.capture, gpu="")
+        self.refused(ValueError, "no such adapter", btf.fit, self.capture, gpu="no such adapter")
         self.refused(TypeError, "a path or a btf.Capture", btf.fit, 7)
         self.refused(ValueError, "empty", btf.fit, [])
         with tempfile.TemporaryDirectory() as folder:
@@ -162,7 +186,9 @@ class Ending(unittest.TestCase):
 
     def test_control_c_ends_the_fit(self):
         script = (
-            "import btf, test_fit, sys\n"
+            "import btf, signal, test_fit, sys\n"
+            # Programs that a shell starts in the background ignore it.
+            "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
             "c = btf.Capture(test_fit.images(), test_fit.DIRECTIONS, test_fit.DIRECTIONS)\n"
             "def told(*_):\n"
             "    print('fits', flush=True)\n"

@@ -14,6 +14,7 @@ pub mod leaf_fits;
 pub mod leaf_live;
 pub mod leaf_trade;
 pub mod lobe_worth;
+pub mod many_captures;
 pub mod volume_costs;
 
 pub use fixtures::{

@@ -2,7 +2,7 @@
 
 use btf_tests::{
     abm_trade, bent_skins, dolly, fit_floor, landscape_costs, leaf_fits, leaf_live, leaf_trade, lobe_worth,
-    volume_costs,
+    many_captures, volume_costs,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -10,7 +10,7 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 10] = [
+const STUDIES: [(&str, &str, Study); 11] = [
     ("abm_trade", "", abm_trade::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
     ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
@@ -20,6 +20,7 @@ const STUDIES: [(&str, &str, Study); 10] = [
     ("leaf_live", "", leaf_live::run),
     ("leaf_trade", "", leaf_trade::run),
     ("lobe_worth", "ASSET.spmm...", lobe_worth::run),
+    ("many_captures", "BTF_FIT [COUNT [WORKERS [KILLS]]]", many_captures::run),
     ("volume_costs", "[WIDTH]", volume_costs::run),
 ];
 

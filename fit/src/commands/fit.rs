@@ -86,8 +86,8 @@ pub(super) struct FitArgs {
     seed: u64,
     /// Multiply matrices on a GPU where that is quicker: auto, off, or a part of the adapter's name, which then multiplies
     /// whatever its speed. The asset differs from the CPU's by rounding
-    #[arg(long, value_name = "auto|off|NAME", num_args = 0..=1, default_value = "off", default_missing_value = "auto",
-        value_parser = gpu)]
+    #[arg(long, value_name = "auto|off|NAME", num_args = 0..=1, require_equals = true, default_value = "off",
+        default_missing_value = "auto", value_parser = GpuChoice::from_words)]
     gpu: GpuChoice,
     /// Keep every finished stage in ASSET.spmm.resume until the asset is written, and go on from what an earlier,
     /// interrupted run of the same command kept there; the asset is the same, byte for byte
@@ -273,16 +273,6 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         ));
     }
     Ok(())
-}
-
-/// Reads the choice of an adapter.
-pub(super) fn gpu(text: &str) -> Result<GpuChoice, String> {
-    Ok(match text {
-        "auto" => GpuChoice::Best,
-        "off" => GpuChoice::Off,
-        "" => return Err("give auto, off or a part of an adapter's name".into()),
-        name => GpuChoice::Named(name.into()),
-    })
 }
 
 fn check(params: &FitParams) -> Result<ValidFitParams, Failure> {

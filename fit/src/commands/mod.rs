@@ -95,6 +95,21 @@ mod tests {
     use clap::CommandFactory;
 
     #[test]
+    fn a_capture_behind_gpu_is_a_capture() {
+        let fit = |arguments: &[&str]| match Cli::try_parse_from([&["btf-fit", "fit"], arguments].concat())
+            .unwrap()
+            .command
+        {
+            Command::Fit(args) => format!("{args:?}"),
+            _ => unreachable!("it is a fit"),
+        };
+        let told = fit(&["--gpu", "WOOL", "-o", "wool.spmm"]);
+        assert!(told.contains("captures: [\"WOOL\"]") && told.contains("gpu: Best"), "{told}");
+        assert!(fit(&["WOOL", "--gpu=h100", "-o", "wool.spmm"]).contains("gpu: Named(\"h100\")"));
+        assert!(fit(&["WOOL", "-o", "wool.spmm"]).contains("gpu: Off"));
+    }
+
+    #[test]
     fn the_command_line_is_well_formed_and_every_command_has_an_example() {
         Cli::command().debug_assert();
         for command in Cli::command().get_subcommands() {

@@ -20,6 +20,8 @@ pub struct ImageProbe {
     /// Root mean square of the difference between neighbouring texels of a row, gamma-encoded, above 0: about the rounding of 8
     /// bits at least.
     pub detail: f64,
+    /// Bytes in which a sample of a decoded image is kept: 1 for a file's own codes, else 2.
+    pub sample_bytes: usize,
 }
 
 impl ImageProbe {
@@ -31,16 +33,22 @@ impl ImageProbe {
         let info = capture.info();
         let lights = info.lights.len();
         let present: Vec<usize> = info.present_pairs().collect();
-        let run = if capture.container().is_some() { TOGETHER.min(lights) } else { IMAGES };
-        let (mut seconds, mut images) = (0.0, 0);
+        let container = capture.container().is_some();
+        let run = if container { TOGETHER.min(lights) } else { IMAGES };
+        let (mut seconds, mut images, mut sample_bytes) = (0.0, 0, 1);
         let (mut squares, mut differences) = (0.0, 0);
         for number in 0..VIEWS {
-            let first = (2 * number + 1) * present.len() / (2 * VIEWS);
+            let middle = (2 * number + 1) * present.len() / (2 * VIEWS);
+            // A container decodes the lights of a view together, from the first on.
+            let first = if container { middle / lights * lights } else { middle };
             for (count, pair) in present[first..].iter().take(run).enumerate() {
                 let start = ThreadTime::now();
                 let pixels = capture.read(pair / lights, pair % lights)?;
                 seconds += start.elapsed().as_secs_f64();
                 images += 1;
+                if matches!(pixels, Pixels::Linear(_)) {
+                    sample_bytes = 2;
+                }
                 if count < IMAGES {
                     let (sum, some) = squared_differences(&pixels, info.width);
                     (squares, differences) = (squares + sum, differences + some);
@@ -51,6 +59,7 @@ impl ImageProbe {
         Ok(ImageProbe {
             decoding_s: seconds / images.max(1) as f64 * present.len() as f64,
             detail: (mean + CODES.powi(-2)).sqrt(),
+            sample_bytes,
         })
     }
 }

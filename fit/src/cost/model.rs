@@ -99,15 +99,66 @@ impl CostModel {
     }
 
     fn from_text(text: &str, path: &Path) -> Result<CostModel, FitError> {
-        let wrong = |reason: String| FitError::Library(format!("{} {reason}", path.display()));
+        let wrong = |reason: String| {
+            FitError::Library(format!("{} {reason}; write it anew with `btf-fit bench cost`", path.display()))
+        };
         let model: CostModel = toml::from_str(text).map_err(|error| {
             let (line, reason) = line_and_reason(text, &error);
-            wrong(format!("line {line}: {reason}; write it anew with `btf-fit bench cost`"))
+            wrong(format!("line {line}: {reason}"))
         })?;
         if model.version != VERSION {
             return Err(wrong(format!("has version {}, and this program reads version {VERSION}", model.version)));
         }
+        model.check().map_err(wrong)?;
         Ok(model)
+    }
+
+    /// Returns a verb phrase about the first fault of the numbers.
+    fn check(&self) -> Result<(), String> {
+        let is_amount = |number: &f64| number.is_finite() && *number >= 0.0;
+        let work = FitWork::sample();
+        for (stage, recipes) in &self.stages {
+            for StageConstants { processor, alone } in recipes.values() {
+                let count = work.quantities(stage, 0.0).len();
+                if [processor, alone].iter().any(|list| list.len() != count || !list.iter().all(is_amount)) {
+                    return Err(format!("gives the stage {stage} other than {count} numbers from 0 on"));
+                }
+            }
+        }
+        let amounts = [self.product_gflops, self.bytes_without_goal, self.bytes_deviation];
+        let sizes = &self.bytes_for_psnr;
+        let sound = self.memory.len() == work.memory_parts(1, 0).len()
+            && self.memory.iter().chain(&amounts).all(is_amount)
+            && self.product_gflops > 0.0
+            && sizes.len() == SIZE_QUANTITIES
+            && sizes.iter().all(|number| number.is_finite());
+        if sound { Ok(()) } else { Err("has too few or odd numbers for memory, sizes or the processor".into()) }
+    }
+
+    /// Takes from `known` what this table lacks, as measured on a processor of another speed.
+    pub fn completed_by(mut self, known: &CostModel) -> CostModel {
+        let slower = known.product_gflops / self.product_gflops.max(1e-3);
+        for (stage, recipes) in &known.stages {
+            for (recipe, constants) in recipes {
+                let scaled = |list: &[f64]| list.iter().map(|number| slower * number).collect();
+                let own = self.stages.entry(stage.clone()).or_default();
+                own.entry(*recipe).or_insert_with(|| StageConstants {
+                    processor: scaled(&constants.processor),
+                    alone: scaled(&constants.alone),
+                });
+            }
+        }
+        if self.memory.is_empty() {
+            self.memory.clone_from(&known.memory);
+        }
+        if self.bytes_for_psnr.is_empty() {
+            self.bytes_for_psnr.clone_from(&known.bytes_for_psnr);
+            self.bytes_deviation = known.bytes_deviation;
+        }
+        if self.bytes_without_goal <= 0.0 {
+            self.bytes_without_goal = known.bytes_without_goal;
+        }
+        self
     }
 
     /// Returns the constants as a file's text.
@@ -125,11 +176,11 @@ impl CostModel {
         let slower = self.product_gflops / product_gflops.max(1e-3);
         let (asset_bytes, mut sums) = (self.asset_bytes(work), [0.0; 2]);
         for stage in work.stages() {
-            let seconds = self.stage_seconds(work, stage, asset_bytes);
+            let [all, decoding] = self.stage_seconds(work, stage, asset_bytes);
             // Decoding was timed on this processor, the rest on another one.
-            let decoding = if stage == "read" { work.decoding_s.min(seconds[0]) } else { 0.0 };
-            sums[0] += decoding + slower * (seconds[0] - decoding);
-            sums[1] += slower * seconds[1];
+            for (sum, (all, decoding)) in sums.iter_mut().zip(all.into_iter().zip(decoding)) {
+                *sum += decoding + slower * (all - decoding);
+            }
         }
         let parts = work.memory_parts(threads, limit);
         let images = 3.0 * work.pairs as f64 * (work.texels * work.sample_bytes) as f64;
@@ -142,14 +193,17 @@ impl CostModel {
         }
     }
 
-    /// Returns the seconds of `stage` on the processor of the constants: of all processors, and of one alone.
-    fn stage_seconds(&self, work: &FitWork, stage: &str, bytes: f64) -> [f64; 2] {
+    /// Returns the seconds of `stage` on the processor of the constants, of all processors and of one alone: all, and those that
+    /// are decoding.
+    fn stage_seconds(&self, work: &FitWork, stage: &str, bytes: f64) -> [[f64; 2]; 2] {
         let Some(constants) = self.stages.get(stage).and_then(|recipes| recipes.get(&work.recipe)) else {
-            return [0.0; 2];
+            return [[0.0; 2]; 2];
         };
         let quantities = work.quantities(stage, bytes);
-        let sum = |constants: &[f64]| constants.iter().zip(&quantities).map(|(c, q)| c * q).sum();
-        [sum(&constants.processor), sum(&constants.alone)]
+        let both = [&constants.processor, &constants.alone];
+        let all = both.map(|constants| constants.iter().zip(&quantities).map(|(c, q)| c * q).sum());
+        let decoding = FitWork::decoding_quantity(stage).map(|at| both.map(|constants| constants[at] * quantities[at]));
+        [all, decoding.unwrap_or_default()]
     }
 
     fn asset_bytes(&self, work: &FitWork) -> f64 {

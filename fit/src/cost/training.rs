@@ -13,6 +13,9 @@ const WEIGHT_POWER: f64 = 0.6;
 /// Added to the diagonal of the normal equations of sizes, relative to the number of rows.
 const RIDGE: f64 = 1e-9;
 
+/// Fits of a PSNR from which on sizes are learnt: three times as many as constants.
+const MIN_SIZES: usize = 3 * SIZE_QUANTITIES;
+
 /// A fit that was timed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MeasuredFit {
@@ -24,13 +27,24 @@ pub struct MeasuredFit {
     pub processor_s: f64,
     /// Seconds and processor time of each stage, seconds.
     pub stages: BTreeMap<String, [f64; 2]>,
-    /// Greatest memory, bytes.
-    pub memory_bytes: f64,
+    /// Greatest memory, bytes; `None` where the system does not tell.
+    pub memory_bytes: Option<f64>,
     /// Size of the asset, bytes.
     pub bytes: f64,
 }
 
 impl MeasuredFit {
+    /// Returns the fit as on a processor that is slower by `factor`.
+    pub fn as_if_slower(&self, factor: f64) -> MeasuredFit {
+        let stages = self.stages.iter().map(|(stage, both)| (stage.clone(), both.map(|seconds| factor * seconds)));
+        MeasuredFit {
+            seconds: factor * self.seconds,
+            processor_s: factor * self.processor_s,
+            stages: stages.collect(),
+            ..self.clone()
+        }
+    }
+
     /// Returns the seconds and the processor time of `stage`, `None` where it did not run.
     fn stage(&self, stage: &str) -> Option<[f64; 2]> {
         if stage != OTHER {
@@ -51,6 +65,7 @@ impl MeasuredFit {
 }
 
 /// Learns the constants from fits with their work, on a processor of `product_gflops`, of which `limit` was the memory limit in bytes.
+/// What the fits do not tell is missing in the result ([`CostModel::completed_by`]).
 pub fn learn_cost(fits: &[(FitWork, MeasuredFit)], product_gflops: f64, limit: u64) -> CostModel {
     let mut stages: BTreeMap<String, BTreeMap<Recipe, StageConstants>> = BTreeMap::new();
     let names: BTreeSet<&str> = fits.iter().flat_map(|(work, _)| work.stages()).collect();
@@ -78,9 +93,9 @@ pub fn learn_cost(fits: &[(FitWork, MeasuredFit)], product_gflops: f64, limit: u
             stages.entry(stage.to_string()).or_default().insert(recipe, StageConstants { processor, alone });
         }
     }
-    let memory = fits.iter().map(|(work, fit)| {
-        let parts = work.memory_parts(fit.threads, limit);
-        (parts.iter().map(|part| part / fit.memory_bytes.max(1.0)).collect(), 1.0)
+    let memory = fits.iter().filter_map(|(work, fit)| {
+        let (parts, bytes) = (work.memory_parts(fit.threads, limit), fit.memory_bytes?.max(1.0));
+        Some((parts.iter().map(|part| part / bytes).collect(), 1.0))
     });
     let memory = non_negative(&memory.collect::<Vec<_>>());
     let (bytes_for_psnr, bytes_deviation) = learn_sizes(fits);
@@ -96,7 +111,10 @@ pub fn learn_cost(fits: &[(FitWork, MeasuredFit)], product_gflops: f64, limit: u
         stages,
         memory,
         bytes_for_psnr,
-        bytes_without_goal: (without_goal.iter().sum::<f64>() / without_goal.len().max(1) as f64).exp(),
+        bytes_without_goal: match without_goal.len() {
+            0 => 0.0,
+            count => (without_goal.iter().sum::<f64>() / count as f64).exp(),
+        },
         bytes_deviation,
     }
 }
@@ -107,7 +125,7 @@ fn learn_sizes(fits: &[(FitWork, MeasuredFit)]) -> (Vec<f64>, f64) {
         .iter()
         .filter_map(|(work, fit)| Some((size_quantities(work)?, (fit.bytes / (work.texels * work.layers) as f64).ln())))
         .collect();
-    if rows.is_empty() {
+    if rows.len() < MIN_SIZES {
         return (Vec::new(), 0.0);
     }
     let (matrix, values) = (
@@ -146,6 +164,26 @@ fn non_negative(rows: &[(Vec<f64>, f64)]) -> Vec<f64> {
 mod tests {
     use super::*;
 
+    /// Texels, and views and lights, of captures that are learnt from.
+    const KNOWN: [(usize, usize); 16] = [
+        (1024, 81),
+        (4096, 40),
+        (65536, 81),
+        (16384, 151),
+        (262144, 16),
+        (4096, 81),
+        (65536, 24),
+        (9216, 60),
+        (256, 20),
+        (36864, 60),
+        (16384, 40),
+        (2304, 100),
+        (147456, 24),
+        (10000, 33),
+        (40000, 52),
+        (65536, 45),
+    ];
+
     fn work(texels: usize, directions: usize, recipe: Recipe) -> FitWork {
         FitWork {
             texels,
@@ -160,6 +198,7 @@ mod tests {
             bytes: (recipe == Recipe::Bytes).then_some(4 * texels as u64),
             psnr_db: (recipe == Recipe::Psnr).then_some(30.0 + (directions % 7) as f64),
             recipe,
+            predicts_lobes: recipe != Recipe::Stored,
             heights: false,
             in_file: false,
             detail: 0.01 + 0.001 * (texels % 13) as f64,
@@ -188,7 +227,7 @@ mod tests {
                 seconds,
                 processor_s,
                 stages,
-                memory_bytes: work.memory_parts(2, 4_000_000_000).iter().sum(),
+                memory_bytes: Some(work.memory_parts(2, 4_000_000_000).iter().sum()),
                 bytes,
             };
             (work, fit)
@@ -199,15 +238,13 @@ mod tests {
 
     #[test]
     fn constants_that_made_the_times_tell_the_times_of_other_sizes() {
-        let known =
-            [(1024, 81), (4096, 40), (65536, 81), (16384, 151), (262144, 16), (4096, 81), (65536, 24), (9216, 60)];
-        let model = learn_cost(&fits(&known), 50.0, 4_000_000_000);
+        let model = learn_cost(&fits(&KNOWN), 50.0, 4_000_000_000);
         for (work, fit) in fits(&[(40000, 64), (147456, 50), (2304, 100)]) {
             let cost = model.cost(&work, 50.0, 2, 4_000_000_000);
             for (told, truth) in [
                 (cost.processor_s, fit.processor_s),
                 (cost.seconds(2), fit.seconds),
-                (cost.memory_bytes, fit.memory_bytes),
+                (cost.memory_bytes, fit.memory_bytes.unwrap()),
                 (cost.core_seconds(4), fit.processor_s * 1.3),
             ] {
                 assert!((told / truth - 1.0).abs() < 0.03, "{work:?}: {told} for {truth}");
@@ -220,13 +257,75 @@ mod tests {
                     fit.bytes
                 );
             }
-            // Half as quick a processor: all takes twice as long but decoding, which was timed.
+            // Half as quick a processor: all takes twice as long but decoding, which was timed; it costs `1 x decoding_s` here.
             let slow = model.cost(&work, 25.0, 2, 4_000_000_000);
             let decoding = work.decoding_s;
             assert!(
-                (slow.processor_s - decoding - 2.0 * (cost.processor_s - decoding)).abs() < 1e-6 * slow.processor_s
+                (slow.processor_s - decoding - 2.0 * (cost.processor_s - decoding)).abs() < 0.02 * slow.processor_s
             );
         }
         assert_eq!(toml::from_str::<CostModel>(&model.to_toml()).unwrap(), model);
+    }
+
+    #[test]
+    fn what_few_fits_do_not_tell_is_taken_from_a_table_that_is_known() {
+        let known = learn_cost(&fits(&KNOWN), 50.0, 4_000_000_000);
+        let few: Vec<_> = fits(&KNOWN[..2])
+            .into_iter()
+            .filter(|(work, _)| work.recipe == Recipe::Bytes)
+            .map(|(work, fit)| {
+                // Twice as slow, and on a system that does not tell the memory.
+                (work, MeasuredFit { memory_bytes: None, ..fit.as_if_slower(2.0) })
+            })
+            .collect();
+        let bare = learn_cost(&few, 25.0, 4_000_000_000);
+        assert!(bare.memory.is_empty() && bare.bytes_for_psnr.is_empty());
+        let model = bare.completed_by(&known);
+        assert_eq!((&model.memory, &model.bytes_for_psnr), (&known.memory, &known.bytes_for_psnr));
+        for (work, fit) in fits(&[(40000, 64)]) {
+            let [told, truth] = [model.cost(&work, 25.0, 2, 4_000_000_000).processor_s, 2.0 * fit.processor_s];
+            if work.recipe == Recipe::Stored {
+                assert!((told / truth - 1.0).abs() < 0.05, "{told} {truth}");
+            }
+            assert!(told > 0.0);
+        }
+    }
+
+    #[test]
+    fn odd_tables_are_refused_with_the_remedy() {
+        let good = learn_cost(&fits(&KNOWN), 50.0, 4_000_000_000);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cost.toml");
+        let refused = |change: &dyn Fn(&mut CostModel)| {
+            let mut model = good.clone();
+            change(&mut model);
+            std::fs::write(&path, model.to_toml()).unwrap();
+            CostModel::read(&path).unwrap_err().to_string()
+        };
+        std::fs::write(&path, good.to_toml()).unwrap();
+        assert_eq!(CostModel::read(&path).unwrap(), good);
+        let changes: [&dyn Fn(&mut CostModel); 6] = [
+            &|model| model.version = 2,
+            &|model| model.product_gflops = 0.0,
+            &|model| model.memory.clear(),
+            &|model| model.bytes_for_psnr[0] = f64::NAN,
+            &|model| model.bytes_deviation = -1.0,
+            &|model| {
+                model.stages.values_mut().for_each(|recipes| {
+                    recipes.values_mut().for_each(|constants| constants.alone.truncate(0));
+                })
+            },
+        ];
+        for change in changes {
+            let told = refused(change);
+            assert!(told.contains("cost.toml") && told.contains("btf-fit bench cost"), "{told}");
+        }
+    }
+
+    #[test]
+    fn the_table_that_is_built_in_is_sound() {
+        let model = CostModel::built_in().unwrap();
+        let cost = model.cost(&work(65536, 81, Recipe::Bytes), model.product_gflops, 2, 4_000_000_000);
+        assert!((5.0..500.0).contains(&cost.processor_s) && cost.memory_bytes > 1e8, "{cost:?}");
     }
 }

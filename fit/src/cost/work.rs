@@ -2,18 +2,19 @@
 
 use crate::cost::image_probe::ImageProbe;
 use crate::error::FitError;
+use crate::numeric::principal_directions::OVERSAMPLING;
 use crate::params::{Goal, ValidFitParams};
-use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, plan_memory, shared_bases};
-use crate::pipeline::prepare_layer::GUIDE_PAIRS;
-use crate::priors::predict::predicting_pairs;
-use btf_capture::{Capture, ImageFormat};
+use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, Surroundings, plan_memory, shared_bases};
+use crate::pipeline::prepare_layer::{GUIDE_PAIRS, MEAN_SAMPLE};
+use crate::priors::predict::{MAX_WHOLE, predicting_pairs};
+use btf_capture::Capture;
 use btf_runtime::MAX_COMPONENTS;
 use serde::{Deserialize, Serialize};
 
 /// Number of pairs that colour differences and the mean are taken over, about.
 const SOME_PAIRS: f64 = 256.0;
-/// Columns that are found beyond the shared bases and given up again.
-const OVERSAMPLING: f64 = 16.0;
+/// Functions of priors for each seen pair that the cost of a prediction is told by, about.
+const PRIOR_FUNCTIONS: f64 = 100.0;
 
 /// What a fit has to do.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,6 +43,8 @@ pub struct FitWork {
     pub psnr_db: Option<f64>,
     /// How the lobes are fitted.
     pub recipe: Recipe,
+    /// Whether the weights of lobes follow from the residual's coefficients.
+    pub predicts_lobes: bool,
     /// Whether heights are looked for.
     pub heights: bool,
     /// Whether decoded images lie in a file, because memory does not hold them.
@@ -65,22 +68,28 @@ pub enum Recipe {
 }
 
 impl FitWork {
-    /// Returns the work of fitting `captures` with `params`, of which a few images were looked at.
+    /// Returns the work of fitting `captures` with `params`, of which a few images were looked at, on `threads` threads.
     ///
     /// # Errors
     /// [`FitError::Memory`] where the memory does not suffice.
-    pub fn new(captures: &[Capture], params: &ValidFitParams, probes: &[ImageProbe]) -> Result<FitWork, FitError> {
+    pub fn new(
+        captures: &[Capture],
+        params: &ValidFitParams,
+        probes: &[ImageProbe],
+        threads: usize,
+    ) -> Result<FitWork, FitError> {
         let info = captures[0].info();
         let texels = info.texel_count();
-        let plan = plan_memory(info, params, captures.len() - 1)?;
-        let sample_bytes = if info.format == ImageFormat::Exr { 2 } else { 1 };
+        let plan = plan_memory(info, params, Surroundings { waiting: captures.len() - 1, threads, gpu: false })?;
+        let sample_bytes = probes.iter().map(|probe| probe.sample_bytes).max().unwrap_or(1);
+        let missing = captures.iter().map(|capture| capture.info().missing.len()).sum();
         let samples = 3 * info.pair_count();
         Ok(FitWork {
             texels,
             directions: [info.views.len(), info.lights.len()],
             layers: captures.len(),
             pairs: captures.iter().map(|capture| capture.info().pair_count()).sum(),
-            missing: captures.iter().map(|capture| capture.info().missing.len()).sum(),
+            missing,
             sample_bytes,
             shared_bases: shared_bases(params, texels).min(samples).min(texels),
             sample: plan.sample,
@@ -92,11 +101,36 @@ impl FitWork {
                 Goal::PsnrDb(_) => Recipe::Psnr,
                 _ => Recipe::Bytes,
             },
-            heights: params.finds_heights(),
+            predicts_lobes: params.predicts_lobes(),
+            // They are found from all images of a view.
+            heights: params.finds_heights() && missing == 0,
             in_file: plan.cache_bytes < (texels * samples * sample_bytes) as u64,
             decoding_s: probes.iter().map(|probe| probe.decoding_s).sum(),
             detail: probes.iter().map(|probe| probe.detail).sum::<f64>() / probes.len().max(1) as f64,
         })
+    }
+
+    /// Returns some work, to count quantities of.
+    pub(super) fn sample() -> FitWork {
+        FitWork {
+            texels: 1,
+            directions: [1, 1],
+            layers: 1,
+            pairs: 1,
+            missing: 0,
+            sample_bytes: 1,
+            shared_bases: 1,
+            sample: 1,
+            clusters: 1,
+            bytes: None,
+            psnr_db: None,
+            recipe: Recipe::Bytes,
+            predicts_lobes: false,
+            heights: false,
+            in_file: false,
+            decoding_s: 0.0,
+            detail: 1.0,
+        }
     }
 
     /// Returns the names of the stages of this fit, and last `other`: what it does between them.
@@ -104,11 +138,20 @@ impl FitWork {
         let runs = |stage: &&str| match *stage {
             "leave-out" => self.missing > 0,
             "heights" => self.heights,
-            "relief" => self.heights && self.recipe != Recipe::Stored,
-            "predict" => self.recipe != Recipe::Stored,
+            "relief" => self.heights && self.predicts_lobes,
+            "predict" => self.predicts_lobes,
             _ => true,
         };
         STAGES.into_iter().filter(runs).collect()
+    }
+
+    /// Returns which of the quantities of `stage` are seconds of decoding, which are timed where the cost is told.
+    pub fn decoding_quantity(stage: &str) -> Option<usize> {
+        match stage {
+            "read" => Some(0),
+            "measure" => Some(4),
+            _ => None,
+        }
     }
 
     /// Returns the quantities that the time of `stage` is a sum of, in billions of operations each: what its loops run over.
@@ -120,7 +163,7 @@ impl FitWork {
         let values = 3.0 * pairs_a_layer;
         let (bases, sample, clusters) = (self.shared_bases as f64, self.sample as f64, self.clusters as f64);
         let components = bases.min(MAX_COMPONENTS as f64);
-        let wide = (bases + OVERSAMPLING).min(sample);
+        let wide = (bases + OVERSAMPLING as f64).min(sample);
         let halves = if self.sample_bytes == 2 { 1.0 } else { 0.0 };
         let once = 1e6 * layers;
         let missing = self.missing as f64 / layers;
@@ -128,7 +171,11 @@ impl FitWork {
         let all: Vec<f64> = match stage {
             // Decoding is in seconds already.
             "read" => vec![1e9 * self.decoding_s, texels * pairs, once],
-            "leave-out" => vec![1e9 * layers, layers * missing * seen, layers * seen * seen.min(1800.0) * 100.0],
+            "leave-out" => vec![
+                1e9 * layers,
+                layers * missing * seen,
+                layers * seen * seen.min(MAX_WHOLE as f64) * PRIOR_FUNCTIONS,
+            ],
             "project" => vec![
                 layers * sample * values * wide,
                 layers * texels * values * bases,
@@ -150,7 +197,13 @@ impl FitWork {
                 vec![layers * some, layers * clusters * some, layers * clusters * values, once]
             }
             "weights" => {
-                vec![layers * clusters * values, layers * 4096.0 * values, texels * pairs, layers * texels, once]
+                vec![
+                    layers * clusters * values,
+                    layers * MEAN_SAMPLE as f64 * values,
+                    texels * pairs,
+                    layers * texels,
+                    once,
+                ]
             }
             "residual" => vec![
                 layers * bases * pairs_a_layer * (views + lights),

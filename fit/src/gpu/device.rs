@@ -16,6 +16,21 @@ pub enum GpuChoice {
     Off,
 }
 
+impl GpuChoice {
+    /// Reads `auto`, `off` or a part of an adapter's name.
+    ///
+    /// # Errors
+    /// One clause for no words at all.
+    pub fn from_words(text: &str) -> Result<GpuChoice, String> {
+        Ok(match text {
+            "auto" => GpuChoice::Best,
+            "off" => GpuChoice::Off,
+            "" => return Err("give auto, off or a part of an adapter's name".into()),
+            name => GpuChoice::Named(name.into()),
+        })
+    }
+}
+
 /// Backends that the shaders are tested for.
 const BACKENDS: wgpu::Backends = wgpu::Backends::VULKAN.union(wgpu::Backends::METAL).union(wgpu::Backends::DX12);
 
@@ -63,7 +78,7 @@ impl GpuDevice {
             };
             let found = if names.is_empty() { "none".to_string() } else { names.join(", ") };
             return Err(FitError::Params(format!(
-                "--gpu: no adapter is called `{name}` (there are: {found}); give a part of one of these names, or none"
+                "--gpu: no adapter is called `{name}` (there are: {found}); give a part of one of these names"
             )));
         };
         Ok(GpuDevice::from_adapter(&adapter))
@@ -136,8 +151,12 @@ impl GpuDevice {
         self.device.poll(wgpu::PollType::wait_indefinitely()).is_ok()
     }
 
-    /// Returns the first `bytes` of a buffer; `None` after an error of the driver.
-    pub fn read(&self, buffer: &wgpu::Buffer, bytes: u64) -> Option<Vec<u8>> {
+    /// Returns the numbers in the first `bytes` of a buffer; `None` after an error of the driver.
+    pub fn read<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(
+        &self,
+        buffer: &wgpu::Buffer,
+        bytes: u64,
+    ) -> Option<Vec<T>> {
         let staging = self.buffer(bytes, BufferUsages::MAP_READ);
         let mut encoder = self.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
@@ -150,7 +169,8 @@ impl GpuDevice {
             }
         });
         let done = self.wait() && mapped.lock().is_ok_and(|mapped| *mapped);
-        done.then(|| staging.get_mapped_range(0..bytes).ok().map(|range| range.to_vec())).flatten()
+        done.then(|| staging.get_mapped_range(0..bytes).ok().map(|range| bytemuck::pod_collect_to_vec(&range)))
+            .flatten()
     }
 }
 

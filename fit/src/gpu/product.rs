@@ -71,7 +71,9 @@ impl GpuProducts {
 
     /// Returns the rows of `columns` numbers that fit into one buffer.
     pub fn most_rows(&self, columns: usize, precision: Precision) -> usize {
-        (self.gpu.largest_buffer() / (columns.max(1) as u64 * precision.bytes())) as usize
+        // The shader counts numbers in 32 bits.
+        let of_words = u64::from(u32::MAX) / columns.max(1) as u64;
+        of_words.min(self.gpu.largest_buffer() / (columns.max(1) as u64 * precision.bytes())) as usize
     }
 
     /// Makes a matrix of zeros; `None` where the adapter has no room for it.
@@ -149,9 +151,9 @@ impl GpuProducts {
     /// Copies a matrix of singles back; `None` after an error of the driver.
     pub fn download(&self, matrix: &GpuMatrix) -> Option<Array2<f32>> {
         let [rows, columns] = matrix.shape;
-        let bytes = self.gpu.read(&matrix.buffer, 4 * (rows * columns) as u64)?;
-        let values = bytemuck::pod_collect_to_vec(&bytes);
-        self.gpu.fault().is_none().then(|| Array2::from_shape_vec((rows, columns), values).ok()).flatten()
+        let values = self.gpu.read(&matrix.buffer, 4 * (rows * columns) as u64);
+        let sound = self.gpu.fault().is_none();
+        values.filter(|_| sound).and_then(|values| Array2::from_shape_vec((rows, columns), values).ok())
     }
 }
 
@@ -197,7 +199,7 @@ mod tests {
                 products.multiply(&left, rows, false, &products.upload(&b).unwrap(), &c, Place::default());
                 let found = products.download(&c).unwrap();
                 assert!(largest_difference(&found, &a.dot(&b)) < close, "{rows} {inner} {columns} {precision:?}");
-                // Once more, added, and transposed from the right rows of B on.
+                // Once more, added; and transposed.
                 products.multiply(
                     &left,
                     rows,

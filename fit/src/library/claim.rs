@@ -116,11 +116,17 @@ impl Claims {
         }
     }
 
-    /// Removes the claim of a material that is done with where it is stale: its holder was lost between its last file and
-    /// giving the claim back.
-    pub fn clear(&self, name: &str) {
+    /// Removes the claim of a material that is done with since `done_s` (as [`Claims::clock_s`] tells it) where it is stale: its
+    /// holder was lost between its last file and giving the claim back. One that was made later is another try's, which
+    /// counts those that were lost.
+    pub fn clear(&self, name: &str, done_s: f64) {
         let folder = self.folder.join(name);
-        if let Ok(Some(holder)) = self.stale(&folder) {
+        let touched = fs::metadata(folder.join(HOLDER)).and_then(|meta| meta.modified()).ok();
+        let touched_s = touched.and_then(|time| Some(time.duration_since(SystemTime::UNIX_EPOCH).ok()?.as_secs_f64()));
+        let Some(touched_s) = touched_s else { return };
+        if let Ok(Some(holder)) = self.stale(&folder)
+            && touched_s <= done_s + self.patience(&holder).as_secs_f64()
+        {
             // What cannot be removed does no harm, and is met again by the next worker.
             let _ = self.take_over(&folder, &holder);
         }
@@ -317,11 +323,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (first, second) = (claims(folder.path(), "a", 600), claims(folder.path(), "b", 600));
         let Asked::Held(own) = first.ask("wool").unwrap() else { panic!("free") };
-        second.clear("wool");
-        second.clear("silk");
+        let now_s = second.clock_s();
+        second.clear("wool", now_s);
+        second.clear("silk", now_s);
         assert!(own.is_held());
         sleep(Duration::from_millis(900));
-        second.clear("wool");
+        // A claim that was made long after what is done is another try's.
+        second.clear("wool", now_s - 3600.0);
+        assert!(own.is_held());
+        second.clear("wool", now_s);
         assert!(!own.is_held());
         assert_eq!(fs::read_dir(folder.path().join("claims")).unwrap().count(), 0);
     }

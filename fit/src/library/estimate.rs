@@ -5,7 +5,9 @@ use crate::cost::model::{CostModel, FitCost, product_gflops};
 use crate::cost::work::FitWork;
 use crate::error::FitError;
 use crate::library::plan::{LibraryPlan, PlannedMaterial};
-use crate::library::record::{LibraryFolders, MaterialRecord, Outcome, read_record, record_key};
+use crate::library::record::{
+    LibraryFolders, MaterialRecord, MaterialState, Outcome, read_record, record_key, state_of,
+};
 use crate::monitor::Monitor;
 use btf_capture::Capture;
 use rayon::prelude::*;
@@ -40,6 +42,8 @@ pub struct LibraryEstimate {
     pub done: usize,
     /// Materials that are still to be fitted.
     pub open: usize,
+    /// Materials that have failed before: a worker tries them only with `--retry`, and they are not in the sums.
+    pub failed: usize,
     /// Materials that cannot be told about, with the reason.
     pub unknown: BTreeMap<String, String>,
     /// Hours of cores that workers keep, idle ones included.
@@ -50,7 +54,8 @@ pub struct LibraryEstimate {
     pub memory_bytes: f64,
     /// Bytes of all assets that are still to be written.
     pub asset_bytes: f64,
-    /// The same, with the bytes that two of three such libraries lie between; equal where all sizes are given.
+    /// The same where every asset whose size is not given is smaller, and larger, by the factor within which two of three lie;
+    /// equal where all sizes are given.
     pub asset_bytes_range: [f64; 2],
     /// Bytes of records and the catalogue.
     pub record_bytes: f64,
@@ -84,7 +89,7 @@ pub struct MaterialCost {
 /// A material whose captures were looked at.
 struct Known<'a> {
     material: &'a PlannedMaterial,
-    record: Option<MaterialRecord>,
+    state: MaterialState,
     cost: FitCost,
     /// Whether a size was asked for.
     has_size: bool,
@@ -120,17 +125,25 @@ pub fn estimate_library(
             Ok((material, estimator.look(material)))
         })
         .collect::<Result<_, FitError>>()?;
-    let mut unknown = BTreeMap::new();
-    let mut known = Vec::new();
+    let (mut unknown, mut known) = (BTreeMap::new(), Vec::new());
+    let (mut done_unseen, mut failed_unseen) = (0, 0);
     for (material, looked) in looked {
         match looked {
             Ok(found) => known.push(found),
-            Err(reason) => {
-                unknown.insert(material.name.clone(), reason.to_string());
-            }
+            Err(reason) => match estimator.state(material) {
+                // What is done needs no capture any more.
+                MaterialState::Done(_) => done_unseen += 1,
+                MaterialState::Failed(_) => failed_unseen += 1,
+                MaterialState::Open => {
+                    unknown.insert(material.name.clone(), reason.to_string());
+                }
+            },
         }
     }
-    Ok(estimator.sum(known, unknown))
+    let mut estimate = estimator.sum(known, unknown);
+    estimate.done += done_unseen;
+    estimate.failed += failed_unseen;
+    Ok(estimate)
 }
 
 struct Estimator<'a> {
@@ -139,8 +152,8 @@ struct Estimator<'a> {
     model: &'a CostModel,
     params: &'a EstimateParams,
     product_gflops: f64,
-    /// Seconds a pixel of the captures that were timed, by format and logarithm of the image's size.
-    timed: Mutex<BTreeMap<(String, u32), Vec<f64>>>,
+    /// Seconds a pixel of the captures that were timed, and bytes of a sample, by format and logarithm of the image's size.
+    timed: Mutex<BTreeMap<(String, u32), Vec<(f64, usize)>>>,
 }
 
 impl Estimator<'_> {
@@ -157,11 +170,16 @@ impl Estimator<'_> {
         let params = params.check()?;
         let needs_detail = params.bytes().is_none();
         let probes = captures.iter().map(|capture| self.probe(capture, needs_detail)).collect::<Result<Vec<_>, _>>()?;
-        let work = FitWork::new(&captures, &params, &probes)?;
+        let work = FitWork::new(&captures, &params, &probes, self.params.threads)?;
         let cost = self.model.cost(&work, self.product_gflops, self.params.threads, params.memory_bytes());
-        let key = record_key(material, &options);
+        Ok(Known { material, state: self.state(material), cost, has_size: work.bytes.is_some() })
+    }
+
+    /// Returns what has become of `material`.
+    fn state(&self, material: &PlannedMaterial) -> MaterialState {
+        let key = record_key(material, &self.plan.options_of(material));
         let record = read_record(self.folders, &material.name).filter(|record| record.key == key);
-        Ok(Known { material, record, cost, has_size: work.bytes.is_some() })
+        state_of(self.folders, &material.name, record)
     }
 
     /// Looks at a few images of `capture`. Where only the time to decode them is wanted and captures like it are known, theirs is
@@ -174,38 +192,46 @@ impl Estimator<'_> {
             && let Ok(timed) = self.timed.lock()
             && let Some(known) = timed.get(&kind).filter(|known| known.len() >= TIMED_CAPTURES)
         {
-            let decoding_s = known.iter().sum::<f64>() / known.len() as f64 * pixels;
-            return Ok(ImageProbe { decoding_s, detail: 1.0 });
+            let decoding_s = known.iter().map(|(seconds, _)| seconds).sum::<f64>() / known.len() as f64 * pixels;
+            return Ok(ImageProbe { decoding_s, detail: 1.0, sample_bytes: known[0].1 });
         }
         let probe = ImageProbe::of_capture(capture)?;
         if let Ok(mut timed) = self.timed.lock() {
-            timed.entry(kind).or_default().push(probe.decoding_s / pixels.max(1.0));
+            timed.entry(kind).or_default().push((probe.decoding_s / pixels.max(1.0), probe.sample_bytes));
         }
         Ok(probe)
     }
 
     fn sum(&self, known: Vec<Known>, unknown: BTreeMap<String, String>) -> LibraryEstimate {
-        let fitted = |known: &&Known| matches!(&known.record, Some(MaterialRecord { outcome: Outcome::Fitted(_), .. }));
-        let (done, open): (Vec<&Known>, Vec<&Known>) = known.iter().partition(fitted);
-        let times = done.iter().filter_map(|known| {
-            let record = known.record.as_ref().filter(|record| record.processor_s > 0.0)?;
-            Some(record.processor_s / known.cost.processor_s.max(1e-9))
-        });
-        let (corrected_by, correction) = median_where_enough(times.collect());
-        let sizes = done.iter().filter(|known| !known.has_size).filter_map(|known| {
-            let Some(MaterialRecord { outcome: Outcome::Fitted(fitted), .. }) = &known.record else { return None };
+        let done: Vec<(&Known, &MaterialRecord)> = known
+            .iter()
+            .filter_map(|known| match &known.state {
+                MaterialState::Done(record) => Some((known, &**record)),
+                _ => None,
+            })
+            .collect();
+        let open: Vec<&Known> = known.iter().filter(|known| known.state == MaterialState::Open).collect();
+        let failed = known.len() - done.len() - open.len();
+        let times = done
+            .iter()
+            .filter(|(_, record)| record.processor_s > 0.0)
+            .map(|(known, record)| record.processor_s / known.cost.processor_s.max(1e-9));
+        let time = Correction::of(times.collect()).unwrap_or_default();
+        let sizes = done.iter().filter(|(known, _)| !known.has_size).filter_map(|(known, record)| {
+            let Outcome::Fitted(fitted) = &record.outcome else { return None };
             Some(fitted.bytes as f64 / known.cost.asset_bytes.max(1.0))
         });
-        let (_, size_correction) = median_where_enough(sizes.collect());
+        let unsure = Correction { deviation: self.model.bytes_deviation, ..Correction::default() };
+        let size = Correction::of(sizes.collect()).unwrap_or(unsure);
 
         let threads = self.params.threads.max(1);
         let materials: Vec<MaterialCost> = open
             .iter()
             .map(|known| MaterialCost {
                 name: known.material.name.clone(),
-                core_hours: correction * known.cost.core_seconds(threads) / 3600.0,
+                core_hours: time.factor * known.cost.core_seconds(threads) / 3600.0,
                 memory_bytes: known.cost.memory_bytes,
-                asset_bytes: known.cost.asset_bytes * if known.has_size { 1.0 } else { size_correction },
+                asset_bytes: known.cost.asset_bytes * if known.has_size { 1.0 } else { size.factor },
                 temporary_bytes: known.cost.temporary_bytes,
             })
             .collect();
@@ -215,35 +241,61 @@ impl Estimator<'_> {
         let core_hours = total(&|material| material.core_hours);
         let workers = self.params.workers.clamp(1, materials.len().max(1));
         let asset_bytes = total(&|material| material.asset_bytes);
-        // Errors of single materials are taken to be independent.
-        let spread = open.iter().zip(&materials).filter(|(known, _)| !known.has_size);
-        let spread =
-            spread.map(|(_, material)| (material.asset_bytes * self.model.bytes_deviation).powi(2)).sum::<f64>().sqrt();
+        let unsized_bytes: f64 = open
+            .iter()
+            .zip(&materials)
+            .filter(|(known, _)| !known.has_size)
+            .map(|(_, material)| material.asset_bytes)
+            .sum();
+        let end = |sign: f64| asset_bytes + unsized_bytes * ((sign * size.deviation).exp() - 1.0);
         LibraryEstimate {
             done: done.len(),
             open: open.len(),
+            failed,
             unknown,
             core_hours,
             hours: (core_hours / (workers * threads) as f64)
                 .max(greatest(&|material| material.core_hours) / threads as f64),
             memory_bytes: greatest(&|material| material.memory_bytes),
             asset_bytes,
-            asset_bytes_range: [(asset_bytes - spread).max(0.0), asset_bytes + spread],
+            asset_bytes_range: [end(-1.0), end(1.0)],
             record_bytes: RECORD_BYTES * materials.len() as f64,
             temporary_bytes: workers as f64 * greatest(&|material| material.temporary_bytes),
             product_gflops: self.product_gflops,
-            corrected_by,
-            correction,
+            corrected_by: time.fits,
+            correction: time.factor,
             materials,
         }
     }
 }
 
-/// Returns how many `ratios` there are and their median; none and 1 where they are too few.
-fn median_where_enough(mut ratios: Vec<f64>) -> (usize, f64) {
-    if ratios.len() < MIN_CORRECTING {
-        return (0, 1.0);
+/// What fits of the library say about an estimate.
+#[derive(Debug, Clone, Copy)]
+struct Correction {
+    /// Number of fits.
+    fits: usize,
+    /// Median of truth over estimate.
+    factor: f64,
+    /// Standard deviation of the logarithm of truth over estimate.
+    deviation: f64,
+}
+
+impl Default for Correction {
+    /// Returns what no fit says.
+    fn default() -> Correction {
+        Correction { fits: 0, factor: 1.0, deviation: 0.0 }
     }
-    ratios.sort_by(f64::total_cmp);
-    (ratios.len(), ratios[ratios.len() / 2])
+}
+
+impl Correction {
+    /// Returns what `ratios` of truth over estimate say; `None` where they are too few.
+    fn of(mut ratios: Vec<f64>) -> Option<Correction> {
+        if ratios.len() < MIN_CORRECTING {
+            return None;
+        }
+        ratios.sort_by(f64::total_cmp);
+        let factor = ratios[ratios.len() / 2];
+        let squares: f64 = ratios.iter().map(|ratio| (ratio / factor).max(1e-9).ln().powi(2)).sum();
+        Some(Correction { fits: ratios.len(), factor, deviation: (squares / ratios.len() as f64).sqrt() })
+    }
 }

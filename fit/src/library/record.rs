@@ -121,6 +121,29 @@ pub struct FittedMaterial {
     pub thumbnail: String,
 }
 
+/// What has become of a material, by its files.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MaterialState {
+    /// Nothing that counts for its options.
+    Open,
+    /// Its asset is there.
+    Done(Box<MaterialRecord>),
+    /// Its fit has failed.
+    Failed(Box<MaterialRecord>),
+}
+
+/// Returns what `record`, of the material `name`, and its asset say. The asset is not read.
+pub fn state_of(folders: &LibraryFolders, name: &str, record: Option<MaterialRecord>) -> MaterialState {
+    let Some(record) = record else { return MaterialState::Open };
+    match &record.outcome {
+        Outcome::Fitted(fitted) => {
+            let there = fs::metadata(folders.asset(name)).is_ok_and(|meta| meta.len() == fitted.bytes);
+            if there { MaterialState::Done(Box::new(record)) } else { MaterialState::Open }
+        }
+        Outcome::Failed(_) => MaterialState::Failed(Box::new(record)),
+    }
+}
+
 /// Returns the hash by which a record knows that it is about this material as it is planned now.
 pub fn record_key(material: &PlannedMaterial, options: &MaterialOptions) -> String {
     let mut hasher = blake3::Hasher::new();

@@ -7,7 +7,8 @@ use crate::library::claim::{Asked, Claim, Claims, worker_name};
 use crate::library::likeness::likeness;
 use crate::library::plan::{LibraryPlan, PlannedMaterial};
 use crate::library::record::{
-    FittedMaterial, LibraryFolders, MaterialRecord, Outcome, read_record, record_key, write_record,
+    FittedMaterial, LibraryFolders, MaterialRecord, MaterialState, Outcome, read_record, record_key, state_of,
+    write_record,
 };
 use crate::library::thumbnail::thumbnail;
 use crate::monitor::Monitor;
@@ -107,13 +108,6 @@ enum Held {
     Lost,
 }
 
-/// State of a material.
-enum State {
-    Open,
-    Done,
-    Failed,
-}
-
 /// Fits the materials of the plan at `path` that are not yet done. A failure stops its material alone.
 ///
 /// # Errors
@@ -187,13 +181,13 @@ impl Worker<'_> {
             let material = &self.plan.materials[*number];
             let key = record_key(material, &self.plan.options_of(material));
             let state = self.state(material, &key);
-            if !matches!(state, State::Open) {
-                self.claims.clear(&material.name);
+            if let MaterialState::Done(record) | MaterialState::Failed(record) = &state {
+                self.claims.clear(&material.name, record.written_s);
             }
             match state {
-                State::Done => outcome.done_before += 1,
-                State::Failed => outcome.failed_before += 1,
-                State::Open => match self.claims.ask(&material.name) {
+                MaterialState::Done(_) => outcome.done_before += 1,
+                MaterialState::Failed(_) => outcome.failed_before += 1,
+                MaterialState::Open => match self.claims.ask(&material.name) {
                     Ok(Asked::Taken) => with_others.push(*number),
                     Ok(Asked::Held(claim)) => {
                         if self.fit_claimed(material, &key, &claim, outcome)? == Held::Lost {
@@ -209,20 +203,15 @@ impl Worker<'_> {
     }
 
     /// Returns what has become of a material. One that is to be fitted again is open until a record is newer than this worker.
-    fn state(&self, material: &PlannedMaterial, key: &str) -> State {
+    fn state(&self, material: &PlannedMaterial, key: &str) -> MaterialState {
         let again = self.params.again.iter().any(|glob| glob.matches(&material.name));
         let current = |record: &MaterialRecord| record.key == key && !(again && record.written_s < self.started_s);
-        let Some(record) = read_record(self.folders, &material.name).filter(current) else {
-            return State::Open;
-        };
-        match record.outcome {
-            Outcome::Fitted(fitted) => {
-                let there =
-                    std::fs::metadata(self.folders.asset(&material.name)).is_ok_and(|meta| meta.len() == fitted.bytes);
-                if there { State::Done } else { State::Open }
+        let record = read_record(self.folders, &material.name).filter(current);
+        match state_of(self.folders, &material.name, record) {
+            MaterialState::Failed(record) if self.params.retry && record.written_s < self.started_s => {
+                MaterialState::Open
             }
-            Outcome::Failed(_) if self.params.retry && record.written_s < self.started_s => State::Open,
-            Outcome::Failed(_) => State::Failed,
+            other => other,
         }
     }
 
@@ -243,12 +232,12 @@ impl Worker<'_> {
         let name = material.name.as_str();
         // Another worker may have finished it between the look and the claim.
         match self.state(material, key) {
-            State::Open => {}
-            State::Done => {
+            MaterialState::Open => {}
+            MaterialState::Done(_) => {
                 outcome.done_before += 1;
                 return Ok(Held::ToTheEnd);
             }
-            State::Failed => {
+            MaterialState::Failed(_) => {
                 outcome.failed_before += 1;
                 return Ok(Held::ToTheEnd);
             }

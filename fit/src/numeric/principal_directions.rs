@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// Rows that are made as floats at a time: 20 MB for Bonn's 6,561 pairs.
 pub const ROW_BLOCK: usize = 256;
 /// Columns of the range finder beyond the directions that are wanted.
-const OVERSAMPLING: usize = 16;
+pub const OVERSAMPLING: usize = 16;
 /// Stride between the blocks of rows that the range finder's first two products are taken of: they only choose where
 /// the power iteration starts.
 const START_EVERY: usize = 4;

@@ -23,7 +23,8 @@ const DEFAULT_STEP: f64 = 0.001;
 
 /// Fits captures (the layers of one asset) and packs them.
 ///
-/// Deterministic: equal captures, parameters and seed give equal bytes on any number of threads. Memory: at most
+/// Deterministic: equal captures, parameters and seed give equal bytes on any number of threads, unless an adapter may
+/// multiply ([`crate::FitParams::gpu`]). Memory: at most
 /// `params.memory_bytes()`. One step size quantises all layers, so that a byte budget goes where it takes away most
 /// error; a PSNR goal is one over all samples of all layers. The material text is empty: the caller describes the
 /// asset and packs it again.

@@ -50,7 +50,8 @@ pub struct Fitted {
 /// Fits `captures`, one per layer, measures the packed asset against them (stage `measure`) and packs it
 /// again with its description and error figures.
 ///
-/// Deterministic: equal captures, parameters and seed give equal bytes on any number of threads, also where a run goes
+/// Deterministic: equal captures, parameters and seed give equal bytes on any number of threads, unless an adapter may
+/// multiply ([`crate::FitParams::gpu`]), also where a run goes
 /// on from the stages that `params` tells to keep: [`remove_finished_stages`] once the asset is written.
 ///
 /// # Errors

@@ -1,7 +1,6 @@
 //! Shares the memory limit of a fit out before anything is read.
 
 use crate::error::FitError;
-use crate::gpu::device::GpuChoice;
 use crate::gpu::row_stream::BATCH_BYTES;
 use crate::numeric::principal_directions::ROW_BLOCK;
 use crate::params::ValidFitParams;
@@ -58,15 +57,29 @@ pub struct MemoryPlan {
     pub cache_bytes: u64,
 }
 
-/// Plans the memory of one layer's fit, while `waiting` other layers wait for their step with their coordinates in
-/// memory.
+/// What beside the capture and the parameters a layer's fit needs memory for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Surroundings {
+    /// Other layers that wait for their step with their coordinates in memory.
+    pub waiting: usize,
+    /// Number of threads.
+    pub threads: usize,
+    /// Whether an adapter multiplies, whose memory may be this machine's.
+    pub gpu: bool,
+}
+
+/// Plans the memory of one layer's fit.
 ///
 /// # Errors
 /// [`FitError::Memory`] with the least limit that suffices.
-pub fn plan_memory(info: &CaptureInfo, params: &ValidFitParams, waiting: usize) -> Result<MemoryPlan, FitError> {
+pub fn plan_memory(
+    info: &CaptureInfo,
+    params: &ValidFitParams,
+    surroundings: Surroundings,
+) -> Result<MemoryPlan, FitError> {
     let (texels, samples) = (info.texel_count(), info.pair_count() * 3);
     let rank = shared_bases(params, texels).min(samples).min(texels);
-    let fixed = fixed_bytes(info, params, rank, waiting);
+    let fixed = fixed_bytes(info, params, rank, surroundings);
     let limit = params.memory_bytes() as usize;
     let least_sample = (2 * rank).min(SHARED_SAMPLE).min(texels);
     // Sampled texels lie in the form of the cache.
@@ -79,11 +92,11 @@ pub fn plan_memory(info: &CaptureInfo, params: &ValidFitParams, waiting: usize) 
 }
 
 /// Returns the bytes of all parts of a layer's fit whose size is given, at the stage that needs most.
-fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, waiting: usize) -> usize {
+fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, surroundings: Surroundings) -> usize {
+    let Surroundings { waiting, threads, gpu } = surroundings;
     let (texels, pairs) = (info.texel_count(), info.pair_count());
     let samples = pairs * 3;
     let clusters = params.clusters().min(texels);
-    let threads = rayon::current_num_threads();
     const FLOAT: usize = size_of::<f32>();
     const DOUBLE: usize = size_of::<f64>();
     let (coordinates, bases) = (texels * FLOAT * rank, FLOAT * rank * samples);
@@ -110,8 +123,15 @@ fn fixed_bytes(info: &CaptureInfo, params: &ValidFitParams, rank: usize, waiting
     let predicts = params.leave_out() > 0.0 || !info.missing.is_empty();
     let prediction = if predicts { 3 * FLOAT * MAX_FUNCTIONS * pairs } else { 0 };
     let most = [project, cluster, dictionary, weights, encode, heights, prediction].into_iter().fold(0, usize::max);
-    let on_its_way = if *params.gpu() == GpuChoice::Off { 0 } else { 2 * BATCH_BYTES as usize };
-    kept + most + on_its_way + PROGRAM_BYTES + threads * THREAD_BYTES
+    // A batch and as much on its way to the adapter, the factors there, and the rows of a block until they are pushed.
+    let on_gpu = if gpu {
+        2 * (BATCH_BYTES as usize).min(FLOAT * texels * samples)
+            + 2 * (coordinates + bases)
+            + FLOAT * BLOCK_TEXELS.min(texels) * samples
+    } else {
+        0
+    };
+    kept + most + on_gpu + PROGRAM_BYTES + threads * THREAD_BYTES
 }
 
 fn bytes_in_words(bytes: usize) -> String {

@@ -8,7 +8,7 @@ use crate::monitor::Monitor;
 use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{assemble, greatest_coefficient};
 use crate::pipeline::choose_error::with_chosen_error;
-use crate::pipeline::memory_plan::{MemoryPlan, plan_memory, shared_bases};
+use crate::pipeline::memory_plan::{MemoryPlan, Surroundings, plan_memory, shared_bases};
 use crate::pipeline::prepare_layer::{PreparedLayer, prepare_layer};
 use crate::resume::checkpoint::Checkpoint;
 use crate::stages::encode::Coding;
@@ -96,7 +96,9 @@ impl PreparedFit {
         let mut prepared = PreparedFit { layers: Vec::new(), grid: [first.width, first.height], images: None };
         for (number, capture) in captures.iter().enumerate() {
             remark_on(capture, monitor);
-            let MemoryPlan { sample, cache_bytes } = plan_memory(capture.info(), params, captures.len() - 1)?;
+            let surroundings =
+                Surroundings { waiting: captures.len() - 1, threads: rayon::current_num_threads(), gpu: gpu.is_some() };
+            let MemoryPlan { sample, cache_bytes } = plan_memory(capture.info(), params, surroundings)?;
             let stages = checkpoint.layer(number, sample);
             // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
             let (most, kept) = (params.error().most(), Some(&stages));
@@ -106,12 +108,8 @@ impl PreparedFit {
                 prepared.images = cache.into_images();
             }
         }
-        if let Some(gpu) = gpu {
-            let name = gpu.name();
-            monitor.remark(&match gpu.is_quicker() {
-                true => format!("matrices were multiplied on {name}"),
-                false => format!("the CPU multiplied all matrices: {name} was not quicker"),
-            });
+        if let Some(sentence) = gpu.and_then(|gpu| gpu.in_words()) {
+            monitor.remark(&sentence);
         }
         Ok(prepared)
     }

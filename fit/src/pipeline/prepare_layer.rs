@@ -42,7 +42,7 @@ const REASSIGN_ROUNDS: usize = 3;
 /// [`DICTIONARY_PAIRS`], and the lobes' error stays the same.
 pub const GUIDE_PAIRS: usize = 1100;
 /// Texels that the clusters' means are taken from where lobes guide.
-const MEAN_SAMPLE: usize = 4096;
+pub const MEAN_SAMPLE: usize = 4096;
 /// Texels that the prediction of held-back pairs is learnt from.
 const HOLDOUT_SAMPLE: usize = 512;
 /// The relative error that one more lobe must remove.

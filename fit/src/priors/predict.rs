@@ -8,7 +8,7 @@ use ndarray::{Array2, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
 /// Seen pairs up to which every one takes part in every prediction.
-const MAX_WHOLE: usize = 1800;
+pub const MAX_WHOLE: usize = 1800;
 /// Seen pairs that take part in a prediction where there are more.
 const NEAR: usize = 128;
 /// Missing pairs that are predicted together where all seen pairs take part.

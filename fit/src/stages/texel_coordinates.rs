@@ -50,9 +50,10 @@ impl Coordinates {
         let chosen = texel_sample(texels, sample, seed);
         let count = chosen.len();
         let block = source.cache.gather(&chosen)?;
+        // Eight bits are rounded much more coarsely than halves are, and a root brings any scale into their range.
+        let is_root = source.curve.power() > 0.0 && source.curve.power() < 1.0;
+        let precision = if is_root && source.cache.is_encoded()? { Precision::Half } else { Precision::Single };
         // Rows of the sample are made for each product, those of all texels once.
-        // Eight bits are rounded much more coarsely than halves are.
-        let precision = if source.cache.is_encoded()? { Precision::Half } else { Precision::Single };
         let (made, all) = (AtomicUsize::new(0), rows_made(count, rank) + texels);
         let sampled = Rows {
             count,

@@ -48,6 +48,12 @@ fn a_fit_is_described_checked_and_a_damaged_copy_refused() {
     ] {
         assert!(!json[key].is_null(), "{key} is missing");
     }
+    // Processor time is that of all threads, in stages and between them.
+    let all = json["processor_seconds"].as_f64().unwrap();
+    let stages = json["stages_processor"].as_object().unwrap();
+    let sum: f64 = stages.values().map(|seconds| seconds.as_f64().unwrap()).sum();
+    assert!(0.0 < sum && sum <= all * 1.01, "{sum} {all}");
+    assert!(json["stages"].as_object().unwrap().keys().eq(stages.keys()) && stages.contains_key("measure"));
     assert_eq!(json["bytes"].as_u64().unwrap(), std::fs::metadata(here.join("a.spmm")).unwrap().len());
     assert!(std::fs::read_to_string(here.join("a.html")).unwrap().contains("</html>"));
     assert!(btf_fit(&["validate", "a.spmm"], here).status.success());

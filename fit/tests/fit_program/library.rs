@@ -1,6 +1,6 @@
 //! `btf-fit library`: many captures, workers that are killed, and a catalogue.
 
-use crate::support::{btf_fit, bumpy_capture_of, refusal};
+use crate::support::{btf_fit, bumpy_capture_of, refusal, skip};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -136,6 +136,51 @@ fn a_capture_that_cannot_be_fitted_stops_itself_alone_and_the_catalogue_tells_wh
     let output = btf_fit(&["library", "run", "library.toml", "--again", "m001", "--quiet"], folder);
     assert!(output.status.success(), "what has failed is not tried again");
     assert_eq!(fs::read(&path).unwrap(), good);
+}
+
+/// A file system of its own, in a name space of its own, is full after some of the materials; later it is made larger.
+#[test]
+fn a_full_disk_stops_what_has_no_room_and_later_that_is_fitted_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    library(folder, 6, &[]);
+    let output = btf_fit(&["library", "run", "library.toml", "--quiet"], folder);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let calm = assets(folder);
+    fs::rename(folder.join("assets"), folder.join("calm")).unwrap();
+    fs::create_dir(folder.join("assets")).unwrap();
+
+    // An asset takes two pages, and a record as many.
+    let script = "mount -t tmpfs -o size=72k none assets || exit 77
+        \"$0\" library run library.toml --quiet --threads 1 2> told; echo $? >> told
+        cp -r assets full
+        mount -o remount,size=9m assets
+        \"$0\" library run library.toml --retry --quiet --threads 1; code=$?
+        cp -r assets roomy
+        exit $code";
+    let ended = Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", script, env!("CARGO_BIN_EXE_btf-fit")])
+        .current_dir(folder)
+        .status();
+    let ended = match ended {
+        Ok(ended) if ended.success() || folder.join("full").exists() => ended,
+        // No `unshare` here, or name spaces are not for everyone.
+        _ => return skip("a_full_disk_stops_what_has_no_room_and_later_that_is_fitted_too (no file system to fill)"),
+    };
+    let told = fs::read_to_string(folder.join("told")).unwrap();
+    assert!(told.contains("free space on that disk") && told.ends_with("\n1\n"), "{told}");
+    let of = |name: &str| {
+        let names = fs::read_dir(folder.join(name)).unwrap().map(|entry| entry.unwrap().path());
+        let files = names.filter(|path| path.is_file());
+        files
+            .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), fs::read(path).unwrap()))
+            .collect::<BTreeMap<_, _>>()
+    };
+    let full = of("full");
+    assert!((1..6).contains(&full.len()) && full.iter().all(|(name, bytes)| calm[name] == *bytes), "{:?}", full.keys());
+    assert_eq!(told.matches(" failed: ").count(), 6 - full.len(), "{told}");
+    assert!(ended.success());
+    assert_eq!(of("roomy"), calm);
 }
 
 #[test]

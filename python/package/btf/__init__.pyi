@@ -38,6 +38,8 @@ def fit(
     components: Optional[int] = None,
     error: Literal["auto", "gamma", "linear", "log"] = "auto",
     heights: bool = False,
+    priors: Optional[Sequence[Union[str, os.PathLike[str]]]] = None,
+    gpu: str = "off",
     seed: int = 1,
     memory: Optional[Size] = None,
     threads: int = 0,
@@ -49,6 +51,8 @@ def fit(
     output: file to write; without it `Asset.save` writes it.
     clusters, lobes, components: numbers of the model; None for what the goal gives.
     error: the error to make small. heights: whether to find the texels' heights. seed: of every random choice.
+    priors: fitted assets by which pairs without an image are predicted; None for those that come with the program.
+    gpu: "off", "auto" for an adapter that multiplies matrices quicker than the processor, or a part of an adapter's name.
     memory: most memory to use. threads: 0 for as many as there are processors.
 
     Returns the asset; `meta["error"]` has the figures. Raises OSError for what cannot be read or written, ValueError for

@@ -103,12 +103,12 @@ fn thin(capture: &Path) -> std::io::Result<()> {
     }
     images.sort();
     for (number, image) in images.iter().enumerate() {
-        // A view has 81 lights, no multiple of it, so every view and every light keeps some.
+        // A view has 81 lights, which is no multiple of 5: every view and every light keeps some.
         if number % THINNED_TO != 0 {
             fs::remove_file(image)?;
         }
     }
     let manifest = capture.join("capture.toml");
-    let text = fs::read_to_string(&manifest).unwrap_or_default();
+    let text = fs::read_to_string(&manifest)?;
     fs::write(&manifest, format!("incomplete = true\n{text}"))
 }

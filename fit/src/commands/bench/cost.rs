@@ -45,7 +45,8 @@ pub(super) struct CostArgs {
     /// Captures on which the estimate is judged and that it is not learnt from; may be given several times
     #[arg(long, value_name = "CAPTURE")]
     held_out: Vec<PathBuf>,
-    /// Timed fits: those in this file are not run again, new ones are added
+    /// Timed fits: those in this file are not run again, new ones are added. Of another version of the program they tell
+    /// what that one cost
     #[arg(long, value_name = "FITS.json")]
     measured: Option<PathBuf>,
     /// Write the figures as JSON; - for standard output
@@ -58,6 +59,9 @@ pub(super) struct CostArgs {
 struct Timed {
     capture: PathBuf,
     options: MaterialOptions,
+    /// Speed of the processor then; `None` counts as that of now.
+    #[serde(default)]
+    product_gflops: Option<f64>,
     /// `None` where the capture cannot be fitted so.
     #[serde(default)]
     fit: Option<MeasuredFit>,
@@ -69,7 +73,7 @@ struct Judged {
     capture: String,
     options: MaterialOptions,
     core_seconds: [f64; 2],
-    memory_bytes: [f64; 2],
+    memory_bytes: Option<[f64; 2]>,
     asset_bytes: [f64; 2],
 }
 
@@ -88,14 +92,22 @@ pub(super) fn run(args: &CostArgs, shared: &Shared) -> Result<(), Failure> {
     if is_stdout(&args.output) {
         return Err(Failure::Usage("constants are a file that --cost reads; give -o a file name".into()));
     }
-    let outputs: Vec<&Path> =
-        [Some(&args.output), args.json.as_ref()].into_iter().flatten().map(PathBuf::as_path).collect();
+    let outputs: Vec<&Path> = [Some(&args.output), args.json.as_ref(), args.measured.as_ref()]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
     check_distinct(&outputs)?;
     for path in &outputs {
         check_file(path, &[args.captures.clone(), args.held_out.clone()].concat())?;
     }
     let monitor = progress::monitor(shared, None)?;
     let threads = shared.threads.map_or_else(rayon::current_num_threads, usize::from);
+    if threads < 2 {
+        return Err(Failure::Usage(
+            "on one thread nothing tells what the others would idle; time fits on two threads or more".into(),
+        ));
+    }
     let mut measured = match &args.measured {
         Some(path) if path.exists() => read_measured(path)?,
         _ => Vec::new(),
@@ -110,20 +122,22 @@ pub(super) fn run(args: &CostArgs, shared: &Shared) -> Result<(), Failure> {
                 continue;
             }
             let fit = time_fit(path, &options, threads)?;
-            measured.push(Timed { capture: path.to_path_buf(), options, fit });
+            // Ctrl-C has reached the fit, too: that it ended says nothing about the capture.
+            monitor.check()?;
+            measured.push(Timed { capture: path.to_path_buf(), options, product_gflops: Some(gflops), fit });
             if let Some(path) = &args.measured {
                 write_file_atomically(path, &serde_json::to_vec_pretty(&measured).unwrap_or_default())?;
             }
         }
     }
     let limit = FitParams::default().memory_bytes;
-    let with_work = |paths: &[PathBuf]| with_work(&measured, paths, &monitor);
+    let with_work = |paths: &[PathBuf]| with_work(&measured, paths, gflops, threads, &monitor);
     let (learnt, held_out) = (with_work(&args.captures)?, with_work(&args.held_out)?);
     let rows: Vec<(FitWork, MeasuredFit)> = learnt.iter().map(|(_, work, fit)| (work.clone(), fit.clone())).collect();
     if rows.is_empty() {
         return Err(Failure::Path("none of the captures could be fitted; give others".into()));
     }
-    let model = learn_cost(&rows, gflops, limit);
+    let model = learn_cost(&rows, gflops, limit).completed_by(&CostModel::built_in()?);
     monitor.check()?;
     write_file_atomically(&args.output, model.to_toml().as_bytes())?;
     let judge = |fits: &[(Timed, FitWork, MeasuredFit)]| fits.iter().map(|fit| judged(&model, fit, limit)).collect();
@@ -188,6 +202,10 @@ fn time_fit(capture: &Path, options: &MaterialOptions, threads: usize) -> Result
         command.arg("--heights");
     }
     let output = command.stdin(Stdio::null()).output().map_err(|error| failed(error.to_string()))?;
+    // A fit that fails by itself ends with 1; any other end is no word about the capture.
+    if !output.status.success() && output.status.code() != Some(1) {
+        return Err(failed(format!("the fit ended with {}", output.status)));
+    }
     if !output.status.success() {
         complain(&format!("left out: {}", String::from_utf8_lossy(&output.stderr).trim()));
         return Ok(None);
@@ -200,15 +218,17 @@ fn time_fit(capture: &Path, options: &MaterialOptions, threads: usize) -> Result
         seconds: told.seconds,
         processor_s: told.processor_seconds,
         stages: told.stages.iter().map(|(stage, seconds)| (stage.clone(), [*seconds, processor(stage)])).collect(),
-        memory_bytes: told.peak_memory_bytes.unwrap_or(0.0),
+        memory_bytes: told.peak_memory_bytes,
         bytes: told.bytes,
     }))
 }
 
-/// Returns the timed fits of `paths` with their work.
+/// Returns the timed fits of `paths` with their work, with times as on a processor of `gflops`.
 fn with_work(
     measured: &[Timed],
     paths: &[PathBuf],
+    gflops: f64,
+    threads: usize,
     monitor: &Monitor,
 ) -> Result<Vec<(Timed, FitWork, MeasuredFit)>, Failure> {
     let mut found = Vec::new();
@@ -220,7 +240,9 @@ fn with_work(
             let Some(fit) = &timed.fit else { continue };
             let mut params = timed.options.params(Path::new("."));
             params.suit(&captures, timed.options.clusters, timed.options.lobes);
-            found.push((timed.clone(), FitWork::new(&captures, &params.check()?, &probes)?, fit.clone()));
+            let work = FitWork::new(&captures, &params.check()?, &probes, threads)?;
+            let quicker = timed.product_gflops.unwrap_or(gflops) / gflops;
+            found.push((timed.clone(), work, fit.as_if_slower(quicker)));
         }
     }
     Ok(found)
@@ -232,7 +254,7 @@ fn judged(model: &CostModel, (timed, work, fit): &(Timed, FitWork, MeasuredFit),
         capture: timed.capture.display().to_string(),
         options: timed.options.clone(),
         core_seconds: [cost.core_seconds(fit.threads), fit.threads as f64 * fit.seconds],
-        memory_bytes: [cost.memory_bytes, fit.memory_bytes],
+        memory_bytes: fit.memory_bytes.map(|truth| [cost.memory_bytes, truth]),
         asset_bytes: [cost.asset_bytes, fit.bytes],
     }
 }
@@ -248,22 +270,22 @@ fn summary(result: &CostResult, args: &CostArgs) -> String {
             judged.core_seconds[0],
             judged.core_seconds[1],
             ratio(judged.core_seconds),
-            ratio(judged.memory_bytes),
+            judged.memory_bytes.map_or(f64::NAN, ratio),
             ratio(judged.asset_bytes)
         ));
     }
     for (name, fits) in [("learnt", &result.learnt), ("held out", &result.held_out)] {
-        let of = |what: &str, pair: &dyn Fn(&Judged) -> [f64; 2]| {
-            let pairs: Vec<[f64; 2]> = fits.iter().map(pair).collect();
+        let of = |what: &str, pair: &dyn Fn(&Judged) -> Option<[f64; 2]>| {
+            let pairs: Vec<[f64; 2]> = fits.iter().filter_map(pair).collect();
             let right = pairs.iter().filter(|[told, truth]| (told / truth - 1.0).abs() <= RIGHT).count();
             let sum = |number: usize| pairs.iter().map(|pair| pair[number]).sum::<f64>();
             format!("{what} {right} of {} within 20 %, sum {:.2}", pairs.len(), sum(0) / sum(1).max(1e-9))
         };
         if !fits.is_empty() {
             let all = [
-                of("time", &|judged| judged.core_seconds),
+                of("time", &|judged| Some(judged.core_seconds)),
                 of("memory", &|judged| judged.memory_bytes),
-                of("bytes", &|judged| judged.asset_bytes),
+                of("bytes", &|judged| Some(judged.asset_bytes)),
             ];
             lines.push(format!("{name}: {}", all.join("; ")));
         }

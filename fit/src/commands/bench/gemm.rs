@@ -1,7 +1,6 @@
 //! `btf-fit bench gemm`.
 
 use crate::commands::failure::Failure;
-use crate::commands::fit::gpu;
 use crate::commands::options::Shared;
 use crate::commands::output::tell;
 use btf_fit::{GemmBench, GpuChoice, bench_gemm};
@@ -18,7 +17,7 @@ use std::path::PathBuf;
   btf-fit bench gemm --rows 8192 --inner 19683 --columns 336 --json -")]
 pub(super) struct GemmArgs {
     /// The adapter: auto, or a part of its name
-    #[arg(long, value_name = "auto|NAME", default_value = "auto", value_parser = gpu)]
+    #[arg(long, value_name = "auto|NAME", default_value = "auto", value_parser = GpuChoice::from_words)]
     gpu: GpuChoice,
     /// Rows of the result
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]

@@ -163,8 +163,12 @@ fn cost_model(args: &PlanArgs) -> Result<CostModel, Failure> {
 }
 
 fn estimate_in_words(estimate: &LibraryEstimate, limits: WorkerLimits) -> String {
+    let failed = match estimate.failed {
+        0 => String::new(),
+        count => format!(", {count} failed before and are tried only with --retry"),
+    };
     if estimate.open == 0 {
-        return format!("to fit: nothing, all {} materials are done", estimate.done);
+        return format!("to fit: nothing that can be told about ({} done{failed})", estimate.done);
     }
     let size = |bytes: f64| text_from_bytes(bytes.max(0.0) as u64);
     let hours = |hours: f64| match hours {
@@ -173,11 +177,10 @@ fn estimate_in_words(estimate: &LibraryEstimate, limits: WorkerLimits) -> String
         _ => format!("{hours:.1} hours"),
     };
     let [least, most] = estimate.asset_bytes_range;
-    let range =
-        if most > least { format!(" (two of three times {} to {})", size(least), size(most)) } else { String::new() };
+    let range = if most > least { format!(" (likely {} to {})", size(least), size(most)) } else { String::new() };
     let mut lines = vec![
         format!(
-            "to fit: {} materials ({} done), {:.2} core hours, {} with {} workers of {} threads",
+            "to fit: {} materials ({} done{failed}), {:.2} core hours, {} with {} workers of {} threads",
             estimate.open,
             estimate.done,
             estimate.core_hours,
