@@ -146,14 +146,25 @@ pub fn estimate_library(
     Ok(estimate)
 }
 
+/// Images that take about the same time a pixel: format, and logarithm of the number of texels.
+type ImageKind = (String, u32);
+
+/// What the images of a capture took.
+struct TimedImages {
+    /// Seconds a pixel.
+    pixel_s: f64,
+    /// Bytes of a sample.
+    sample_bytes: usize,
+}
+
 struct Estimator<'a> {
     plan: &'a LibraryPlan,
     folders: &'a LibraryFolders,
     model: &'a CostModel,
     params: &'a EstimateParams,
     product_gflops: f64,
-    /// Seconds a pixel of the captures that were timed, and bytes of a sample, by format and logarithm of the image's size.
-    timed: Mutex<BTreeMap<(String, u32), Vec<(f64, usize)>>>,
+    /// Captures whose images were timed.
+    timed: Mutex<BTreeMap<ImageKind, Vec<TimedImages>>>,
 }
 
 impl Estimator<'_> {
@@ -192,12 +203,15 @@ impl Estimator<'_> {
             && let Ok(timed) = self.timed.lock()
             && let Some(known) = timed.get(&kind).filter(|known| known.len() >= TIMED_CAPTURES)
         {
-            let decoding_s = known.iter().map(|(seconds, _)| seconds).sum::<f64>() / known.len() as f64 * pixels;
-            return Ok(ImageProbe { decoding_s, detail: 1.0, sample_bytes: known[0].1 });
+            let decoding_s = known.iter().map(|timed| timed.pixel_s).sum::<f64>() / known.len() as f64 * pixels;
+            return Ok(ImageProbe { decoding_s, detail: 1.0, sample_bytes: known[0].sample_bytes });
         }
         let probe = ImageProbe::of_capture(capture)?;
         if let Ok(mut timed) = self.timed.lock() {
-            timed.entry(kind).or_default().push((probe.decoding_s / pixels.max(1.0), probe.sample_bytes));
+            timed
+                .entry(kind)
+                .or_default()
+                .push(TimedImages { pixel_s: probe.decoding_s / pixels.max(1.0), sample_bytes: probe.sample_bytes });
         }
         Ok(probe)
     }
