@@ -23,8 +23,9 @@ const DEPENDENT: [&str; 11] = [
     "voltex",
     "window",
 ];
-/// The unit tests that use a GPU: a part of their paths.
-const GPU_UNIT_TESTS: &str = "gpu_clock::";
+/// The unit tests that use a GPU: parts of their paths.
+const GPU_UNIT_TESTS: [&str; 5] =
+    ["gpu_clock::", "gpu::product::tests", "gpu::row_stream::tests", "gpu::speed::tests", "a_fit_on_an_adapter"];
 
 /// The result of a test run.
 pub struct Tested {
@@ -35,14 +36,14 @@ pub struct Tested {
 
 /// Runs the unit tests that use no GPU.
 pub fn unit_tests(metadata: &Metadata) -> Result<Tested, String> {
-    run(&["--lib", "--bins"].map(String::from), &["--skip", GPU_UNIT_TESTS], metadata)
+    run(&["--lib", "--bins"].map(String::from), &without_gpu(), metadata)
 }
 
 /// Runs the unit tests and the integration tests that need nothing but Rust.
 pub fn independent_tests(metadata: &Metadata) -> Result<Tested, String> {
     let mut selection = ["--lib", "--bins"].map(String::from).to_vec();
     selection.extend(selected(metadata, |name| !DEPENDENT.contains(&name)));
-    run(&selection, &["--skip", GPU_UNIT_TESTS], metadata)
+    run(&selection, &without_gpu(), metadata)
 }
 
 /// Runs the integration tests that use a GPU or programs of others.
@@ -52,7 +53,12 @@ pub fn dependent_tests(metadata: &Metadata) -> Result<Tested, String> {
 
 /// Runs the unit tests that use a GPU.
 pub fn gpu_unit_tests(metadata: &Metadata) -> Result<Tested, String> {
-    run(&["--lib".to_string()], &[GPU_UNIT_TESTS], metadata)
+    run(&["--lib".to_string()], &GPU_UNIT_TESTS, metadata)
+}
+
+/// Returns the filter that leaves out the unit tests that use a GPU.
+fn without_gpu() -> Vec<&'static str> {
+    GPU_UNIT_TESTS.iter().flat_map(|part| ["--skip", part]).collect()
 }
 
 /// Returns `--test NAME` for the integration tests with a name that `wanted` accepts.
