@@ -54,7 +54,7 @@ pub(super) struct StageConstants {
 }
 
 /// Cost of a fit.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct FitCost {
     /// Processor time of all threads, seconds.
     pub processor_s: f64,

@@ -2,7 +2,7 @@
 
 use crate::cost::image_probe::ImageProbe;
 use crate::error::FitError;
-use crate::numeric::principal_directions::OVERSAMPLING;
+use crate::numeric::principal_directions::{OVERSAMPLING, ROW_BLOCK};
 use crate::params::{Goal, ValidFitParams};
 use crate::pipeline::memory_plan::{DICTIONARY_PAIRS, FEATURE_DIMENSIONS, Surroundings, plan_memory, shared_bases};
 use crate::pipeline::prepare_layer::{GUIDE_PAIRS, MEAN_SAMPLE};
@@ -17,7 +17,7 @@ const SOME_PAIRS: f64 = 256.0;
 const PRIOR_FUNCTIONS: f64 = 100.0;
 
 /// What a fit has to do.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct FitWork {
     /// Number of texels.
     pub texels: usize,
@@ -259,7 +259,7 @@ impl FitWork {
             (self.sample_bytes * self.sample) as f64 * values,
             1000.0 * layers * texels,
             1e6 * threads as f64,
-            4.0 * 256.0 * values * threads as f64,
+            4.0 * ROW_BLOCK as f64 * values * threads as f64,
             1e6,
         ]
     }

@@ -15,7 +15,7 @@ const PEAK_THREADS: [usize; 2] = [256 * 4096, 256 * 16];
 const PEAK_OPERATIONS: f64 = 512.0 * 8.0 * 4.0 * 2.0;
 
 /// Numbers of a matrix at most: 4 GB in single precision.
-const MOST_NUMBERS: usize = 1_000_000_000;
+const MAX_NUMBERS: usize = 1_000_000_000;
 
 /// Speed of a product.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -28,11 +28,11 @@ pub struct ProductSpeed {
     pub size: [usize; 3],
     /// Billions of operations a second, factors and result in the adapter's memory.
     pub gflops: f64,
-    /// The same with the left factor copied to the adapter each time.
+    /// Billions of operations a second with the left factor copied to the adapter each time.
     pub gflops_with_copy: f64,
     /// Share of the adapter's peak, without copying.
     pub share_of_peak: f64,
-    /// The same product on all threads of the CPU.
+    /// Billions of operations a second of this product on all threads of the CPU.
     pub cpu_gflops: f64,
 }
 
@@ -65,7 +65,7 @@ pub fn bench_gemm(choice: &GpuChoice, size: [usize; 3], repeats: usize) -> Resul
     };
     let [rows, inner, columns] = size;
     for (a, b) in [(rows, inner), (inner, rows), (inner, columns), (rows, columns)] {
-        if a > products.most_rows(b, Precision::Single) || a * b > MOST_NUMBERS {
+        if a > products.most_rows(b, Precision::Single) || a * b > MAX_NUMBERS {
             return Ok(Err(format!("a matrix of {a} x {b} numbers is too large for {} or for this bench", gpu.name)));
         }
     }

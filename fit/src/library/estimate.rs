@@ -54,7 +54,7 @@ pub struct LibraryEstimate {
     pub memory_bytes: f64,
     /// Bytes of all assets that are still to be written.
     pub asset_bytes: f64,
-    /// The same where every asset whose size is not given is smaller, and larger, by the factor within which two of three lie;
+    /// Bytes of all assets where every one whose size is not given is smaller, and larger, by the factor within which two of three lie;
     /// equal where all sizes are given.
     pub asset_bytes_range: [f64; 2],
     /// Bytes of records and the catalogue.

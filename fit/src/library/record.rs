@@ -126,9 +126,9 @@ pub struct FittedMaterial {
 pub enum MaterialState {
     /// Nothing that counts for its options.
     Open,
-    /// Its asset is there.
+    /// The material's asset is there.
     Done(Box<MaterialRecord>),
-    /// Its fit has failed.
+    /// The material's fit has failed.
     Failed(Box<MaterialRecord>),
 }
 
