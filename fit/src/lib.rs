@@ -80,7 +80,7 @@ pub use inspect::validate::{FindingCounts, FindingRecord, Validation, validate, 
 pub use library::catalogue::{catalogue_csv, catalogue_html};
 pub use library::collect::{CollectedMaterial, Library, Status, collect_library};
 pub use library::discover::{discover_captures, glob_from_text};
-pub use library::estimate::{EstimateParams, LibraryEstimate, MaterialCost, estimate_library};
+pub use library::estimate::{LibraryEstimate, MaterialCost, estimate_library};
 pub use library::likeness::Likeness;
 pub use library::options::MaterialOptions;
 pub use library::plan::{LibraryPlan, PlanRule, PlannedMaterial};

@@ -8,6 +8,7 @@ use crate::library::plan::{LibraryPlan, PlannedMaterial};
 use crate::library::record::{
     LibraryFolders, MaterialRecord, MaterialState, Outcome, read_record, record_key, state_of,
 };
+use crate::library::scripts::WorkerLimits;
 use crate::monitor::Monitor;
 use btf_capture::Capture;
 use rayon::prelude::*;
@@ -23,17 +24,6 @@ const TIMED_CAPTURES: usize = 8;
 const MIN_CORRECTING: usize = 3;
 /// Bytes of a record and of a material's part of the catalogue.
 const RECORD_BYTES: f64 = 60_000.0;
-
-/// Workers that a cost is told for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EstimateParams {
-    /// Number of workers.
-    pub workers: usize,
-    /// Threads of each.
-    pub threads: usize,
-    /// Memory limit of a fit where the plan names none, bytes.
-    pub memory_bytes: u64,
-}
 
 /// Cost of a library's fits. The names are the keys of `library plan --estimate --json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -95,7 +85,7 @@ struct Known<'a> {
     has_size: bool,
 }
 
-/// Tells the cost of what the plan at `path` has still to be fitted, by `model`. Opens every capture and decodes a few images of
+/// Tells the cost of what the plan at `path` has still to be fitted by workers of `limits`, by `model`. Opens every capture and decodes a few images of
 /// some.
 ///
 /// # Errors
@@ -104,7 +94,7 @@ pub fn estimate_library(
     plan: &LibraryPlan,
     path: &Path,
     model: &CostModel,
-    params: &EstimateParams,
+    limits: WorkerLimits,
     monitor: &Monitor,
 ) -> Result<LibraryEstimate, FitError> {
     let folders = LibraryFolders::of_plan(plan, path);
@@ -112,7 +102,7 @@ pub fn estimate_library(
         plan,
         folders: &folders,
         model,
-        params,
+        limits,
         product_gflops: product_gflops(),
         timed: Mutex::new(BTreeMap::new()),
     };
@@ -161,7 +151,7 @@ struct Estimator<'a> {
     plan: &'a LibraryPlan,
     folders: &'a LibraryFolders,
     model: &'a CostModel,
-    params: &'a EstimateParams,
+    limits: WorkerLimits,
     product_gflops: f64,
     /// Captures whose images were timed.
     timed: Mutex<BTreeMap<ImageKind, Vec<TimedImages>>>,
@@ -175,14 +165,14 @@ impl Estimator<'_> {
         let options = self.plan.options_of(material);
         let mut params = options.params(&self.folders.assets);
         if options.memory.is_none() {
-            params.memory_bytes = self.params.memory_bytes;
+            params.memory_bytes = self.limits.fit_bytes();
         }
         params.suit(&captures, options.clusters, options.lobes);
         let params = params.check()?;
         let needs_detail = params.bytes().is_none();
         let probes = captures.iter().map(|capture| self.probe(capture, needs_detail)).collect::<Result<Vec<_>, _>>()?;
-        let work = FitWork::new(&captures, &params, &probes, self.params.threads)?;
-        let cost = self.model.cost(&work, self.product_gflops, self.params.threads, params.memory_bytes());
+        let work = FitWork::new(&captures, &params, &probes, self.limits.threads)?;
+        let cost = self.model.cost(&work, self.product_gflops, self.limits.threads, params.memory_bytes());
         Ok(Known { material, state: self.state(material), cost, has_size: work.bytes.is_some() })
     }
 
@@ -238,7 +228,7 @@ impl Estimator<'_> {
         let unsure = Correction { deviation: self.model.bytes_deviation, ..Correction::default() };
         let size = Correction::of(sizes.collect()).unwrap_or(unsure);
 
-        let threads = self.params.threads.max(1);
+        let threads = self.limits.threads.max(1);
         let materials: Vec<MaterialCost> = open
             .iter()
             .map(|known| MaterialCost {
@@ -253,7 +243,7 @@ impl Estimator<'_> {
         let total = |of: &dyn Fn(&MaterialCost) -> f64| materials.iter().map(of).sum::<f64>() + 0.0;
         let greatest = |of: &dyn Fn(&MaterialCost) -> f64| materials.iter().map(of).fold(0.0, f64::max);
         let core_hours = total(&|material| material.core_hours);
-        let workers = self.params.workers.clamp(1, materials.len().max(1));
+        let workers = self.limits.workers.clamp(1, materials.len().max(1));
         let asset_bytes = total(&|material| material.asset_bytes);
         let unsized_bytes: f64 = open
             .iter()

@@ -6,8 +6,8 @@ use crate::commands::output::{check_distinct, check_file, complain, is_stdout, s
 use crate::commands::progress;
 use btf_capture::{text_from_bytes, write_file_atomically};
 use btf_fit::{
-    CostModel, EstimateParams, LibraryEstimate, LibraryPlan, MaterialOptions, PlanRule, Scheduler, WorkerLimits,
-    bytes_from_text, discover_captures, estimate_library, library_script, real_path,
+    CostModel, LibraryEstimate, LibraryPlan, MaterialOptions, PlanRule, Scheduler, WorkerLimits, bytes_from_text,
+    discover_captures, estimate_library, library_script, real_path,
 };
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -145,9 +145,8 @@ pub(super) fn run(args: &PlanArgs, shared: &Shared) -> Result<(), Failure> {
         say(&format!("{}: {} materials, {added} of them new", args.output.display(), plan.materials.len()));
     }
     let Some(cost) = cost else { return Ok(()) };
-    let params = EstimateParams { workers: limits.workers, threads: limits.threads, memory_bytes: limits.fit_bytes() };
     let monitor = progress::monitor(shared, None)?;
-    let estimate = estimate_library(&plan, &args.output, &cost, &params, &monitor)?;
+    let estimate = estimate_library(&plan, &args.output, &cost, limits, &monitor)?;
     tell(args.json.as_deref(), quiet, &estimate, || estimate_in_words(&estimate, limits))?;
     for (name, reason) in &estimate.unknown {
         complain(&format!("{name} is left out: {reason}"));
