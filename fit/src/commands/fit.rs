@@ -84,10 +84,9 @@ pub(super) struct FitArgs {
     /// Seed of every random choice
     #[arg(long, default_value_t = FitParams::default().seed)]
     seed: u64,
-    /// Multiply matrices on a GPU where that is quicker: auto, off, or a part of the adapter's name, which then multiplies
-    /// whatever its speed. The asset differs from the CPU's by rounding
-    #[arg(long, value_name = "auto|off|NAME", num_args = 0..=1, require_equals = true, default_value = "off",
-        default_missing_value = "auto", value_parser = GpuChoice::from_words)]
+    /// Multiply matrices and measure the error on a GPU where that is quicker: auto, off, or a part of the adapter's name, which
+    /// then computes whatever its speed. The asset differs from the CPU's by rounding
+    #[arg(long, value_name = "auto|off|NAME", default_value = "off", value_parser = GpuChoice::from_words)]
     gpu: GpuChoice,
     /// Keep every finished stage in ASSET.spmm.resume until the asset is written, and go on from what an earlier,
     /// interrupted run of the same command kept there; the asset is the same, byte for byte

@@ -95,7 +95,7 @@ mod tests {
     use clap::CommandFactory;
 
     #[test]
-    fn a_capture_behind_gpu_is_a_capture() {
+    fn the_adapter_of_a_fit_is_auto_off_or_a_name() {
         let fit = |arguments: &[&str]| match Cli::try_parse_from([&["btf-fit", "fit"], arguments].concat())
             .unwrap()
             .command
@@ -103,9 +103,10 @@ mod tests {
             Command::Fit(args) => format!("{args:?}"),
             _ => unreachable!("it is a fit"),
         };
-        let told = fit(&["--gpu", "WOOL", "-o", "wool.spmm"]);
+        let told = fit(&["--gpu", "auto", "WOOL", "-o", "wool.spmm"]);
         assert!(told.contains("captures: [\"WOOL\"]") && told.contains("gpu: Best"), "{told}");
         assert!(fit(&["WOOL", "--gpu=h100", "-o", "wool.spmm"]).contains("gpu: Named(\"h100\")"));
+        assert!(fit(&["WOOL", "--gpu", "off", "-o", "wool.spmm"]).contains("gpu: Off"));
         assert!(fit(&["WOOL", "-o", "wool.spmm"]).contains("gpu: Off"));
     }
 

@@ -157,20 +157,39 @@ impl GpuDevice {
         buffer: &wgpu::Buffer,
         bytes: u64,
     ) -> Option<Vec<T>> {
-        let staging = self.buffer(bytes, BufferUsages::MAP_READ);
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
+        let readback = self.read_back(&mut encoder, buffer, bytes);
         self.queue.submit([encoder.finish()]);
+        readback.numbers(self)
+    }
+
+    /// Has `encoder` copy the first `bytes` of a buffer, a multiple of 4, for [`Readback::numbers`] once it is submitted.
+    pub fn read_back(&self, encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer, bytes: u64) -> Readback {
+        let staging = self.buffer(bytes, BufferUsages::MAP_READ);
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
+        Readback { staging, bytes }
+    }
+}
+
+/// Bytes of a buffer on their way back.
+pub(crate) struct Readback {
+    staging: wgpu::Buffer,
+    bytes: u64,
+}
+
+impl Readback {
+    /// Waits for the bytes and returns them as numbers; `None` after an error of the driver.
+    pub fn numbers<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(&self, gpu: &GpuDevice) -> Option<Vec<T>> {
         let mapped = Arc::new(Mutex::new(false));
         let told = mapped.clone();
-        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
+        self.staging.map_async(wgpu::MapMode::Read, 0..self.bytes, move |result| {
             if let Ok(mut told) = told.lock() {
                 *told = result.is_ok();
             }
         });
-        let done = self.wait() && mapped.lock().is_ok_and(|mapped| *mapped);
-        done.then(|| staging.get_mapped_range(0..bytes).ok().map(|range| bytemuck::pod_collect_to_vec(&range)))
-            .flatten()
+        let done = gpu.wait() && mapped.lock().is_ok_and(|mapped| *mapped);
+        let range = done.then(|| self.staging.get_mapped_range(0..self.bytes).ok()).flatten();
+        range.map(|range| bytemuck::pod_collect_to_vec(&range))
     }
 }
 

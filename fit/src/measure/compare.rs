@@ -5,11 +5,14 @@
 //! per texel and per pair, and a byte per texel and component.
 
 use crate::error::FitError;
+use crate::gpu::fit_gpu::FitGpu;
 use crate::input::layer_frame::{side_of_layer, sides_of_capture, turn_image, turn_map};
 use crate::input::pair_stride::stride_over_pairs;
 use crate::input::tone_curve::ToneCurve;
+use crate::measure::batch_errors::BatchErrors;
+use crate::measure::gpu_errors::MAX_PAIRS;
 use crate::measure::image_decoder::{ImageDecoder, Spot};
-use crate::measure::tile_errors::{Coding, PairWork, TileErrors, TiledImage};
+use crate::measure::tile_errors::{Coding, PairWork, TiledImage};
 use crate::metrics::{ErrorSums, Metrics, psnr_db_from_codes};
 use crate::monitor::Monitor;
 use crate::resume::stored::stored_structs;
@@ -23,9 +26,6 @@ const COLOUR_PAIRS: usize = 256;
 /// Number of colours that the colour difference is taken over at least, or all of the chosen pairs' colours: every n-th
 /// texel of a tile.
 const COLOURS: usize = 4_000_000;
-
-/// Images that are held at a time at most.
-const MAX_BATCH: usize = 64;
 
 /// Parameters of [`measure`].
 #[derive(Debug, Clone)]
@@ -209,24 +209,48 @@ pub fn measure_images(
     params: &MeasureParams,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
+    measure_images_on(None, info, read, asset, resident, params, monitor)
+}
+
+/// Measures as [`measure_images`], on `gpu` where that is quicker.
+pub(crate) fn measure_images_on(
+    gpu: Option<&FitGpu>,
+    info: &CaptureInfo,
+    read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
+    asset: &Asset,
+    resident: &Resident,
+    params: &MeasureParams,
+    monitor: &Monitor,
+) -> Result<Comparison, FitError> {
     let mut decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
     if let Some(bases) = &params.bases {
         decoder = decoder.with_single_bases(bases);
     }
-    measure_decoder(info, read, ToneCurve::of_capture(info, read)?, asset, &decoder, params, monitor)
+    let images = CaptureImages { info, read, tone_curve: ToneCurve::of_capture(info, read)? };
+    measure_decoder(&images, asset, &decoder, params, gpu, monitor)
 }
 
-/// Measures with a `decoder` of layer `params.layer` of `asset`; the decoder's options count instead of
-/// `params.options`. `tone_curve` is the capture's. Images of pairs that are not measured are not read.
+/// A capture whose images come from a function.
+pub(crate) struct CaptureImages<'a> {
+    /// Directions, size and format.
+    pub info: &'a CaptureInfo,
+    /// Function that returns the image of a view and a light.
+    pub read: &'a (dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
+    /// Tone curve of the capture.
+    pub tone_curve: Option<ToneCurve>,
+}
+
+/// Measures with a `decoder` of layer `params.layer` of `asset`, on `gpu` where that is quicker; the decoder's options count
+/// instead of `params.options`. Images of pairs that are not measured are not read.
 pub(crate) fn measure_decoder(
-    info: &CaptureInfo,
-    read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
-    tone_curve: Option<ToneCurve>,
+    images: &CaptureImages,
     asset: &Asset,
     decoder: &ImageDecoder,
     params: &MeasureParams,
+    gpu: Option<&FitGpu>,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
+    let CaptureImages { info, read, tone_curve } = *images;
     if (info.width, info.height) != (asset.width, asset.height) {
         return Err(FitError::Params(format!(
             "the capture {} has {} x {} texels and the asset {} x {}; compare an asset with the capture that it was fitted from",
@@ -245,10 +269,9 @@ pub(crate) fn measure_decoder(
     let stride = params.colour_stride.unwrap_or_else(|| colour_pair_stride(info.views.len(), lights));
     let texel_stride = (texels * pairs.len().div_ceil(stride.max(1)) / COLOURS).max(1);
 
-    let mut tile_errors = vec![TileErrors::default(); decoder.tiles().len()];
-    let mut pair_code_error = vec![0; info.pair_count()];
     // A linear image is held in single precision.
-    let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MAX_BATCH);
+    let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MAX_PAIRS);
+    let mut errors = BatchErrors::new(decoder, &coding, [lights, info.pair_count(), batch], gpu);
     for (done, batch_pairs) in pairs.chunks(batch).enumerate() {
         monitor.report("measure", done * batch, pairs.len())?;
         let work: Vec<PairWork> = batch_pairs
@@ -264,20 +287,13 @@ pub(crate) fn measure_decoder(
                 }
                 let image = TiledImage::new(&pixels, decoder.tiles());
                 let colour_every = (stride > 0 && pair % stride == 0).then_some(texel_stride);
-                Ok(PairWork { light, plan, image, colour_every })
+                Ok(PairWork { pair, light, plan, image, colour_every })
             })
             .collect::<Result<_, FitError>>()?;
-        let errors: Vec<Vec<u64>> = tile_errors
-            .par_iter_mut()
-            .enumerate()
-            .map(|(number, errors)| errors.take(decoder, number, &coding, &work))
-            .collect();
-        for errors in errors {
-            for (pair, error) in batch_pairs.iter().zip(errors) {
-                pair_code_error[*pair] += error;
-            }
-        }
+        errors.take(work);
     }
+    errors.finish();
+    let BatchErrors { tiles: tile_errors, pairs: pair_code_error, .. } = errors;
     monitor.report("measure", pairs.len(), pairs.len())?;
 
     let per_texel = (pairs.len() * 3) as f64;

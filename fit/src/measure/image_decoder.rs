@@ -95,6 +95,27 @@ impl PairPlan {
     const NOTHING: PairPlan = PairPlan { taps: Vec::new(), here: None, fade: 1.0, image: None };
 }
 
+/// What an image consists of that is a sum of a cluster's lobes and bases.
+pub(crate) struct PlainImage<'a> {
+    /// Value of each lobe of all clusters.
+    pub values: &'a [f32],
+    /// Residual rows `[cluster, word]`.
+    pub rows: &'a [RowWord],
+    /// Factor of everything.
+    pub fade: f32,
+}
+
+impl PairPlan {
+    /// Returns the image as a plain sum; `None` where directions are interpolated by the exact rule or with heights, and for a
+    /// black image.
+    pub(crate) fn plain(&self) -> Option<PlainImage<'_>> {
+        match (&self.taps[..], &self.here, &self.image) {
+            ([Tap { values, rows, .. }], None, None) => Some(PlainImage { values, rows, fade: self.fade }),
+            _ => None,
+        }
+    }
+}
+
 struct Tap {
     weight: f32,
     /// Lobe values `[lobe]` of all clusters.
@@ -146,6 +167,21 @@ impl<'a> ImageDecoder<'a> {
     /// form's half-precision bases.
     pub fn with_single_bases(self, bases: &'a SingleBases) -> ImageDecoder<'a> {
         ImageDecoder { singles: Some(bases), ..self }
+    }
+
+    /// Returns the layer.
+    pub(crate) fn layer(&self) -> &Layer {
+        self.layer
+    }
+
+    /// Returns the number of the first lobe of `cluster`.
+    pub(crate) fn first_lobe(&self, cluster: usize) -> usize {
+        self.first_lobe[cluster]
+    }
+
+    /// Returns the numbers of clusters, of lobes of all of them, and of words of a residual row.
+    pub(crate) fn counts(&self) -> [usize; 3] {
+        [self.first_lobe.len(), self.setups.len(), self.used_words]
     }
 
     /// Returns the tiles of all texels of the layer, each texel once.

@@ -1,7 +1,9 @@
 //! Error of a decoded asset against its capture.
 
+pub(crate) mod batch_errors;
 pub(crate) mod compare;
 pub(crate) mod expand;
+pub(crate) mod gpu_errors;
 pub(crate) mod heatmap;
 pub(crate) mod image_decoder;
 pub(crate) mod texel_tiles;

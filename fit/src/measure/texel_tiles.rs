@@ -106,6 +106,26 @@ impl TexelTile {
         into.weights.extend(self.codes.iter().map(|codes| codes.map(f32::from)));
     }
 
+    /// Appends the tile's codes in words of four successive bases: `[quad of bases, texel]`.
+    pub fn push_quads(&self, words: &mut Vec<u32>) {
+        for quad in self.codes.chunks(4) {
+            let code = |basis: usize, texel: usize| quad.get(basis).map_or(0, |codes| codes[texel]);
+            let word = |texel| u32::from_le_bytes([0, 1, 2, 3].map(|basis| code(basis, texel) as u8));
+            words.extend((0..TILE_TEXELS).map(word));
+        }
+    }
+
+    /// Appends the tile's lobes, `[slot, texel]`: each the number of the lobe, from `first` on, and the bits of the weights of
+    /// red, green and blue. Returns the number of slots.
+    pub fn push_slots(&self, first: u32, slots: &mut Vec<[u32; 4]>) -> usize {
+        for slot in &self.slots {
+            let weight = |c: usize, texel: usize| slot.weights[c][texel].to_bits();
+            let entry = |texel| [first + u32::from(slot.lobes[texel]), weight(0, texel), weight(1, texel), weight(2, texel)];
+            slots.extend((0..TILE_TEXELS).map(entry));
+        }
+        self.slots.len()
+    }
+
     /// Sums the lobes of every texel into `sums`; `values` are those of the cluster's dictionary at one pair.
     ///
     /// A texel's additions have the order of its lobes; places without texel get 0.

@@ -36,6 +36,27 @@ impl Coding {
             lab: LabConverter::new(info.transfer),
         }
     }
+
+    /// Returns whether values are coded without a tone curve.
+    pub fn is_plain(&self) -> bool {
+        self.tone_curve.is_none()
+    }
+
+    /// Returns for a light the linear value of each 8-bit value, then the smallest linear value above each but the last, and
+    /// infinity.
+    pub fn light_table(&self, light: usize) -> Vec<f32> {
+        let above = |code: u8| {
+            // Floats order like their bits.
+            let (mut low, mut high) = (0u32, f32::INFINITY.to_bits());
+            while low + 1 < high {
+                let middle = low + (high - low) / 2;
+                let is_above = self.encoder.encode(light, f32::from_bits(middle)) > code;
+                if is_above { high = middle } else { low = middle }
+            }
+            f32::from_bits(high)
+        };
+        self.tables[light].into_iter().chain((0..255).map(above)).chain([f32::INFINITY]).collect()
+    }
 }
 
 /// An image in the order of the tiles.
@@ -70,6 +91,8 @@ fn cut<T: Copy + Default>(image: &[T], tile: &TexelTile) -> [[T; TILE_TEXELS]; 3
 
 /// One pair to be measured.
 pub struct PairWork {
+    /// Number of the pair in the capture.
+    pub pair: usize,
     /// Light of the capture.
     pub light: usize,
     /// Plan of the decoder for the pair.
@@ -201,6 +224,32 @@ impl TileErrors {
         }
         self.code_error.iter_mut().zip(code_sums).for_each(|(sum, batch)| *sum += u64::from(batch));
         errors
+    }
+
+    /// Adds sums of texel `i`: squared differences of 8-bit values; squared linear differences, squared linear samples of the
+    /// capture, these samples, and those of the decoder; and the largest sample.
+    pub fn add_sums(&mut self, i: usize, code_error: u32, [error, square, sum, decoded, peak]: [f32; 5]) {
+        self.code_error[i] += u64::from(code_error);
+        self.linear_error[i] += f64::from(error);
+        self.linear_square[i] += f64::from(square);
+        self.linear_sum[i] += f64::from(sum);
+        self.decoded_sum[i] += f64::from(decoded);
+        self.linear_peak = self.linear_peak.max(peak);
+    }
+
+    /// Adds the colour differences of `work`'s image, of 8-bit values, from `decoded` in tile number `number` of `decoder`.
+    pub fn add_colours_of(
+        &mut self,
+        work: &PairWork,
+        number: usize,
+        decoder: &ImageDecoder,
+        coding: &Coding,
+        decoded: &TileCodes,
+    ) {
+        if let (Some(every), TiledImage::Codes(original)) = (work.colour_every, &work.image) {
+            let texels = (number % every..decoder.tiles()[number].texels.len()).step_by(every);
+            self.add_colours(&coding.lab, texels, &original[number], decoded);
+        }
     }
 
     /// Returns the sums that add up over tiles; the linear errors per texel are not among them.

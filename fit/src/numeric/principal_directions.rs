@@ -2,7 +2,8 @@
 //! tall matrices that it needs.
 
 use crate::gpu::product::Precision;
-use crate::gpu::row_stream::{GpuRows, RowStream};
+use crate::gpu::fit_gpu::FitGpu;
+use crate::gpu::row_stream::{RowStream, try_on};
 use nalgebra::{DMatrix, SymmetricEigen};
 use ndarray::{Array2, ArrayView2, s};
 use rand::Rng;
@@ -96,7 +97,7 @@ pub struct Rows<'a, E> {
     /// Function that makes a range of the rows.
     pub make: &'a (dyn Fn(std::ops::Range<usize>) -> Result<Array2<f32>, E> + Sync),
     /// Adapter that multiplies where it is quicker, and the precision in which rows are copied to it.
-    pub gpu: Option<(&'a GpuRows, Precision)>,
+    pub gpu: Option<(&'a FitGpu, Precision)>,
 }
 
 impl<'a, E: Send> Rows<'a, E> {
@@ -114,7 +115,7 @@ impl<'a, E: Send> Rows<'a, E> {
     /// the CPU makes good.
     fn on_gpu(
         &self,
-        stream: impl FnOnce(&'a GpuRows, Precision) -> Option<RowStream<'a>>,
+        stream: impl FnOnce(&'a FitGpu, Precision) -> Option<RowStream<'a>>,
     ) -> Result<Option<Array2<f32>>, E> {
         let Some((gpu, precision)) = self.gpu.filter(|(gpu, _)| gpu.is_quicker()) else { return Ok(None) };
         let Some(mut stream) = stream(gpu, precision) else { return Ok(None) };
@@ -134,7 +135,7 @@ impl<'a, E: Send> Rows<'a, E> {
     /// Returns `X q`, where X are the rows.
     fn times(&self, q: &Array2<f32>) -> Result<Array2<f32>, E> {
         if let Some((gpu, precision)) = self.gpu.filter(|(gpu, _)| !gpu.is_tried()) {
-            gpu.try_on(&(self.make)(0..ROW_BLOCK.min(self.count))?, q, precision);
+            try_on(gpu, &(self.make)(0..ROW_BLOCK.min(self.count))?, q, precision);
         }
         if let Some(found) = self.on_gpu(|gpu, precision| RowStream::times(gpu, self.count, q, precision))? {
             return Ok(found);

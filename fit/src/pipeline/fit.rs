@@ -1,6 +1,7 @@
 //! The fit, stage by stage: read, project, cluster, dictionary, weights, residual, encode.
 
 use crate::error::FitError;
+use crate::gpu::fit_gpu::FitGpu;
 use crate::input::tile_cache::DecodedImages;
 use crate::monitor::Monitor;
 use crate::params::{Goal, ValidFitParams};
@@ -9,7 +10,7 @@ use crate::pipeline::choose_relief::choose_relief;
 use crate::pipeline::description::byte_budget;
 use crate::pipeline::match_energy::with_matched_energy;
 use crate::pipeline::outcome::FitOutcome;
-use crate::pipeline::prepare::{PreparedFit, check_layers};
+use crate::pipeline::prepare::{PreparedFit, check_layers, opened_gpu, remark_on_gpu};
 use crate::pipeline::search::StepSearch;
 use crate::resume::checkpoint::Checkpoint;
 use crate::resume::stored::stored_structs;
@@ -34,21 +35,25 @@ const DEFAULT_STEP: f64 = 0.001;
 pub fn fit(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<FitOutcome, FitError> {
     let params = &with_chosen_error(captures, params)?;
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
-    Ok(fit_from(captures, params, &checkpoint, monitor)?.0)
+    check_layers(captures)?;
+    let gpu = opened_gpu(captures, params, monitor)?;
+    let outcome = fit_from(captures, params, &checkpoint, gpu.as_ref(), monitor)?.0;
+    remark_on_gpu(gpu.as_ref(), monitor);
+    Ok(outcome)
 }
 
-/// Runs [`fit()`] from the finished stages in `checkpoint`. Also returns the decoded images when there is one capture
-/// and it was read.
+/// Runs [`fit()`] from the finished stages in `checkpoint`, on `gpu` where that is quicker. Also returns the decoded images when
+/// there is one capture and it was read. [`check_layers`] must have passed.
 pub(crate) fn fit_from(
     captures: &[Capture],
     params: &ValidFitParams,
     checkpoint: &Checkpoint,
+    gpu: Option<&FitGpu>,
     monitor: &Monitor,
 ) -> Result<(FitOutcome, Option<DecodedImages>), FitError> {
-    check_layers(captures)?;
     let mut images = None;
     let encoded = checkpoint.whole().load_or("encode", || {
-        let (encoded, decoded) = prepare_and_encode(captures, params, checkpoint, monitor)?;
+        let (encoded, decoded) = prepare_and_encode(captures, params, checkpoint, gpu, monitor)?;
         images = decoded;
         Ok(encoded)
     })?;
@@ -71,9 +76,10 @@ fn prepare_and_encode(
     captures: &[Capture],
     params: &ValidFitParams,
     checkpoint: &Checkpoint,
+    gpu: Option<&FitGpu>,
     monitor: &Monitor,
 ) -> Result<(Encoded, Option<DecodedImages>), FitError> {
-    let mut prepared = PreparedFit::prepare_from(captures, params, checkpoint, monitor)?;
+    let mut prepared = PreparedFit::prepare_from(captures, params, checkpoint, gpu, monitor)?;
     let mut asset = monitor.stage("encode", || {
         // About which step it will be tells which directions are worth keeping.
         let step = match params.goal() {

@@ -6,13 +6,14 @@ use crate::inspect::load::resident_in_parallel;
 use crate::inspect::lobe_use::LobeUse;
 #[cfg(doc)]
 use crate::measure::compare::measure;
-use crate::measure::compare::{Comparison, MeasureParams, measure_images};
+use crate::measure::compare::{Comparison, MeasureParams, measure_images_on};
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
 use crate::params::{ErrorMeasure, ValidFitParams};
 use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::fit::fit_from;
 use crate::pipeline::outcome::FitOutcome;
+use crate::pipeline::prepare::{check_layers, opened_gpu, remark_on_gpu};
 use crate::provenance::{FitRecord, Material};
 use crate::resume::checkpoint::Checkpoint;
 #[cfg(doc)]
@@ -59,17 +60,20 @@ pub struct Fitted {
 pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
     let params = &with_chosen_error(captures, params)?;
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
-    let (outcome, images) = fit_from(captures, params, &checkpoint, monitor)?;
+    check_layers(captures)?;
+    let gpu = opened_gpu(captures, params, monitor)?;
+    let (outcome, images) = fit_from(captures, params, &checkpoint, gpu.as_ref(), monitor)?;
     let FitOutcome { mut asset, lobe_use, lobes, components, clusters, left_out, .. } = outcome;
     let resident = resident_in_parallel(&asset);
     let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
         let comparisons = captures.iter().enumerate().map(|(layer, capture)| {
             let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes(), ..MeasureParams::default() };
             let read = read_images(capture, images.as_ref());
-            measure_images(capture.info(), &read, &asset, &resident, &measuring, monitor)
+            measure_images_on(gpu.as_ref(), capture.info(), &read, &asset, &resident, &measuring, monitor)
         });
         comparisons.collect()
     })?;
+    remark_on_gpu(gpu.as_ref(), monitor);
     drop(images);
     let mut sums = ErrorSums::default();
     for comparison in &comparisons {

@@ -1,7 +1,7 @@
 //! Shares the memory limit of a fit out before anything is read.
 
 use crate::error::FitError;
-use crate::gpu::row_stream::BATCH_BYTES;
+use crate::gpu::fit_gpu::BATCH_BYTES;
 use crate::numeric::principal_directions::ROW_BLOCK;
 use crate::params::ValidFitParams;
 use crate::pipeline::representatives::REPRESENTATIVES;

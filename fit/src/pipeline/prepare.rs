@@ -2,7 +2,7 @@
 
 use crate::error::FitError;
 use crate::gpu::device::GpuChoice;
-use crate::gpu::row_stream::GpuRows;
+use crate::gpu::fit_gpu::FitGpu;
 use crate::input::tile_cache::{DecodedImages, TileCache};
 use crate::monitor::Monitor;
 use crate::params::ValidFitParams;
@@ -49,7 +49,10 @@ fn remark_on(capture: &Capture, monitor: &Monitor) {
 const MIN_GPU_OPERATIONS: f64 = 2e11;
 
 /// Opens the adapter that is asked for; with a remark where there is none.
-fn opened(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<Option<GpuRows>, FitError> {
+///
+/// # Errors
+/// A named adapter that does not exist.
+pub(crate) fn opened_gpu(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<Option<FitGpu>, FitError> {
     let operations: f64 = captures
         .iter()
         .map(|capture| {
@@ -63,13 +66,20 @@ fn opened(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> R
         GpuChoice::Best if operations < MIN_GPU_OPERATIONS => return Ok(None),
         _ => {}
     }
-    Ok(match GpuRows::open(params.gpu())? {
+    Ok(match FitGpu::open(params.gpu())? {
         Ok(gpu) => Some(gpu),
         Err(reason) => {
             monitor.remark(&format!("the fit is computed on the CPU: {reason}"));
             None
         }
     })
+}
+
+/// Tells what an adapter did.
+pub(crate) fn remark_on_gpu(gpu: Option<&FitGpu>, monitor: &Monitor) {
+    if let Some(sentence) = gpu.and_then(FitGpu::in_words) {
+        monitor.remark(&sentence);
+    }
 }
 
 impl PreparedFit {
@@ -81,18 +91,23 @@ impl PreparedFit {
     pub fn prepare(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<PreparedFit, FitError> {
         check_layers(captures)?;
         let params = &with_chosen_error(captures, params)?;
-        PreparedFit::prepare_from(captures, params, &Checkpoint::open(captures, params, monitor)?, monitor)
+        let checkpoint = Checkpoint::open(captures, params, monitor)?;
+        let gpu = opened_gpu(captures, params, monitor)?;
+        let prepared = PreparedFit::prepare_from(captures, params, &checkpoint, gpu.as_ref(), monitor)?;
+        remark_on_gpu(gpu.as_ref(), monitor);
+        Ok(prepared)
     }
 
-    /// Runs every stage but the last from the finished stages in `checkpoint`. [`check_layers`] must have passed.
+    /// Runs every stage but the last from the finished stages in `checkpoint`, on `gpu` where that is quicker. [`check_layers`] must
+    /// have passed.
     pub fn prepare_from(
         captures: &[Capture],
         params: &ValidFitParams,
         checkpoint: &Checkpoint,
+        gpu: Option<&FitGpu>,
         monitor: &Monitor,
     ) -> Result<PreparedFit, FitError> {
         let first = captures[0].info();
-        let gpu = opened(captures, params, monitor)?;
         let mut prepared = PreparedFit { layers: Vec::new(), grid: [first.width, first.height], images: None };
         for (number, capture) in captures.iter().enumerate() {
             remark_on(capture, monitor);
@@ -103,13 +118,10 @@ impl PreparedFit {
             // A cache is held in memory if it takes at most half of what it is told: tell it twice what is left.
             let (most, kept) = (params.error().most(), Some(&stages));
             let cache = TileCache::new(capture, 2 * cache_bytes, params.cache_directory(), most, kept, monitor)?;
-            prepared.layers.push(prepare_layer(capture.info(), &cache, params, sample, gpu.as_ref(), &stages)?);
+            prepared.layers.push(prepare_layer(capture.info(), &cache, params, sample, gpu, &stages)?);
             if captures.len() == 1 {
                 prepared.images = cache.into_images();
             }
-        }
-        if let Some(sentence) = gpu.and_then(|gpu| gpu.in_words()) {
-            monitor.remark(&sentence);
         }
         Ok(prepared)
     }

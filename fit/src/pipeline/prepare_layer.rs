@@ -2,7 +2,7 @@
 //! base.
 
 use crate::error::FitError;
-use crate::gpu::row_stream::GpuRows;
+use crate::gpu::fit_gpu::FitGpu;
 use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
 use crate::input::texel_sample::texel_sample;
@@ -69,7 +69,7 @@ pub fn prepare_layer(
     cache: &TileCache,
     params: &ValidFitParams,
     sample: usize,
-    gpu: Option<&GpuRows>,
+    gpu: Option<&FitGpu>,
     stages: &Stages,
 ) -> Result<PreparedLayer, FitError> {
     let source = LayerSource { gpu, ..LayerSource::new(info, cache, params, sample, stages)? };
@@ -121,7 +121,7 @@ struct LayerSource<'a> {
     cache: &'a TileCache<'a>,
     params: &'a ValidFitParams,
     sample: usize,
-    gpu: Option<&'a GpuRows>,
+    gpu: Option<&'a FitGpu>,
     stages: &'a Stages<'a>,
     views: Sphere,
     lights: Sphere,

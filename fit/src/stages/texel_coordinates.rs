@@ -3,7 +3,8 @@
 
 use crate::error::FitError;
 use crate::gpu::product::Precision;
-use crate::gpu::row_stream::{GpuRows, RowStream};
+use crate::gpu::fit_gpu::FitGpu;
+use crate::gpu::row_stream::RowStream;
 use crate::input::texel_sample::texel_sample;
 use crate::monitor::Monitor;
 use crate::numeric::principal_directions::{Rows, principal_directions, rows_made};
@@ -43,7 +44,7 @@ impl Coordinates {
         rank: usize,
         sample: usize,
         seed: u64,
-        gpu: Option<&GpuRows>,
+        gpu: Option<&FitGpu>,
         (stage, monitor): (&str, &Monitor),
     ) -> Result<Coordinates, FitError> {
         let texels = source.cache.texel_count();

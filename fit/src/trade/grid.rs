@@ -5,7 +5,7 @@ use crate::input::pair_stride::pairs_at_stride;
 use crate::input::tone_curve::ToneCurve;
 use crate::inspect::load::{parallel, resident_in_parallel};
 use crate::inspect::lobe_use::LobeUse;
-use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_decoder};
+use crate::measure::compare::{CaptureImages, MeasureParams, colour_pair_stride, measure_decoder};
 use crate::measure::image_decoder::ImageDecoder;
 use crate::measure::thinned_grid::{ThinnedGrid, thinned_grid};
 use crate::metrics::Metrics;
@@ -325,8 +325,8 @@ impl Grid<'_> {
         let decoder = decoder(&made.asset, &made.resident, &made.singles, &options, precision);
         let read = |view, light| self.held.get(view, light);
         let quiet = Monitor::default();
-        Ok(measure_decoder(self.capture.info(), &read, self.tone_curve, &made.asset, &decoder, &measuring, &quiet)?
-            .metrics())
+        let images = CaptureImages { info: self.capture.info(), read: &read, tone_curve: self.tone_curve };
+        Ok(measure_decoder(&images, &made.asset, &decoder, &measuring, None, &quiet)?.metrics())
     }
 
     /// Measures `psnr_db` where the asset interpolates.
@@ -347,7 +347,8 @@ impl Grid<'_> {
             MeasureParams { pairs: Some(between.pairs.clone()), colour_stride: Some(0), ..MeasureParams::default() };
         let read = |view, light| between.images.get(view, light);
         let quiet = Monitor::default();
-        let measured = measure_decoder(between.info, &read, self.tone_curve, asset, &decoder, &measuring, &quiet)?;
+        let images = CaptureImages { info: between.info, read: &read, tone_curve: self.tone_curve };
+        let measured = measure_decoder(&images, asset, &decoder, &measuring, None, &quiet)?;
         Ok(Some(measured.metrics().psnr_db))
     }
 

@@ -6,7 +6,7 @@
 use crate::error::FitError;
 use crate::input::tone_curve::ToneCurve;
 use crate::inspect::load::resident_in_parallel;
-use crate::measure::compare::{MeasureParams, measure_decoder};
+use crate::measure::compare::{CaptureImages, MeasureParams, measure_decoder};
 use crate::monitor::Monitor;
 use crate::params::Role;
 use crate::trade::gpu_clock::GpuClock;
@@ -214,7 +214,8 @@ fn measure_summary(
                 let decoder = decoder(&asset, &resident, &singles, &options, precision);
                 let measuring = MeasureParams { memory_bytes: params.fit.memory_bytes, ..MeasureParams::default() };
                 let read = |view, light| Ok(capture.read(view, light)?);
-                measure_decoder(capture.info(), &read, tone_curve, &asset, &decoder, &measuring, monitor)?.metrics()
+                let images = CaptureImages { info: capture.info(), read: &read, tone_curve };
+                measure_decoder(&images, &asset, &decoder, &measuring, None, monitor)?.metrics()
             }
         };
         points[i].all_pairs = Some(metrics);

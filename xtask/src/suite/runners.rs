@@ -24,8 +24,15 @@ const DEPENDENT: [&str; 11] = [
     "window",
 ];
 /// The unit tests that use a GPU: parts of their paths.
-const GPU_UNIT_TESTS: [&str; 5] =
-    ["gpu_clock::", "gpu::product::tests", "gpu::row_stream::tests", "gpu::speed::tests", "a_fit_on_an_adapter"];
+const GPU_UNIT_TESTS: [&str; 7] = [
+    "gpu_clock::",
+    "gpu::product::tests",
+    "gpu::row_stream::tests",
+    "gpu::speed::tests",
+    "a_fit_on_an_adapter",
+    "an_adapter_finds_the_errors",
+    "images_of_linear_values_are_measured",
+];
 
 /// The result of a test run.
 pub struct Tested {

@@ -1,6 +1,7 @@
 //! Tests of `compare.rs`.
 
 use super::*;
+use crate::gpu::speed::open_for_test;
 use crate::sample_asset::{number, sample_asset_with};
 use btf_capture::{CaptureWriter, DirectionSet, ImageFormat, Transfer};
 use btf_capture::{LabConverter, delta_e00};
@@ -211,4 +212,77 @@ fn the_colour_stride_meets_every_light() {
         let met: std::collections::BTreeSet<usize> = picked.iter().map(|pair| pair % lights).collect();
         assert_eq!(met.len(), lights, "{views} x {lights}");
     }
+}
+
+#[test]
+fn an_adapter_finds_the_errors_that_the_cpu_finds() {
+    let test = "an_adapter_finds_the_errors_that_the_cpu_finds";
+    let Some(products) = open_for_test(test) else { return };
+    let gpu = FitGpu::new(products, true, 4096);
+    let folder = tempfile::tempdir().unwrap();
+    let (views, lights) = sets();
+    let capture = capture(&folder.path().join("png"), ImageFormat::Png, &views, &lights);
+    let (info, monitor) = (capture.info(), Monitor::default());
+    let read = |view, light| Ok(capture.read(view, light)?);
+    // Batches of three pairs: no multiple of the pairs that share what is read.
+    let memory_bytes = (8 * 3 * 12 * WIDTH * HEIGHT) as u64;
+    // Every curve and role, with lobes and without, with bases and without.
+    for (kind, components, lobes) in [
+        (ResidualKind::Root, u32::MAX, u32::MAX),
+        (ResidualKind::Root, 2, 1),
+        (ResidualKind::Log, u32::MAX, u32::MAX),
+        (ResidualKind::Additive, 4, 0),
+        (ResidualKind::Root, 0, u32::MAX),
+    ] {
+        let asset = Asset::parse(&pack(&sample_asset_with(WIDTH, HEIGHT, &views, &lights, kind)).unwrap()).unwrap();
+        let resident = Resident::from_asset(&asset);
+        let options = DecodeOptions { components, lobes, ..DecodeOptions::default() };
+        let params = MeasureParams { options, memory_bytes, colour_stride: Some(2), ..MeasureParams::default() };
+        let measured = |gpu: Option<&FitGpu>, read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync)| {
+            measure_images_on(gpu, info, read, &asset, &resident, &params, &monitor).unwrap()
+        };
+        let (cpu, on_gpu) = (measured(None, &read), measured(Some(&gpu), &read));
+        assert!(are_alike(&cpu, &on_gpu), "{kind:?} {components} {lobes}: {:?} {:?}", cpu.sums, on_gpu.sums);
+        assert_ne!(cpu.sums.linear_error, on_gpu.sums.linear_error, "the adapter computed");
+        // Planted difference: a brighter texel in one image of a later batch.
+        let brighter = |view: usize, light: usize| {
+            let mut pixels = capture.read(view, light)?;
+            if let (Pixels::Encoded8(codes), (3, 2)) = (&mut pixels, (view, light)) {
+                codes[3 * (WIDTH * 5 + 7)] ^= 0x80;
+            }
+            Ok(pixels)
+        };
+        assert!(!are_alike(&cpu, &measured(Some(&gpu), &brighter)));
+    }
+    assert!(gpu.in_words().unwrap().starts_with("the error was measured on "));
+}
+
+/// Returns whether two comparisons tell the same but for rounding.
+fn are_alike(a: &Comparison, b: &Comparison) -> bool {
+    let near = |x: f64, y: f64, share: f64| (x - y).abs() <= share * x.abs().max(y.abs()) + 1e-9;
+    let codes = |a: &[u64], b: &[u64]| a.iter().zip(b).all(|(x, y)| near(*x as f64, *y as f64, 2e-3));
+    let linear = a.texel_linear_error.iter().zip(&b.texel_linear_error).all(|(x, y)| near(*x, *y, 1e-3));
+    let (s, t) = (&a.sums, &b.sums);
+    let sums = near(s.linear_square, t.linear_square, 1e-5)
+        && near(s.linear_sum, t.linear_sum, 1e-5)
+        && near(s.decoded_sum, t.decoded_sum, 1e-5)
+        && near(s.delta_e00, t.delta_e00, 1e-3)
+        && (s.linear_peak, s.colours, s.samples) == (t.linear_peak, t.colours, t.samples);
+    codes(&a.texel_code_error, &b.texel_code_error) && codes(&a.pair_code_error, &b.pair_code_error) && linear && sums
+}
+
+#[test]
+fn images_of_linear_values_are_measured_on_the_cpu() {
+    let Some(products) = open_for_test("images_of_linear_values_are_measured_on_the_cpu") else { return };
+    let gpu = FitGpu::new(products, true, 4096);
+    let folder = tempfile::tempdir().unwrap();
+    let (views, lights) = sets();
+    let capture = capture(&folder.path().join("exr"), ImageFormat::Exr, &views, &lights);
+    let (asset, monitor) = (asset(), Monitor::default());
+    let (resident, params) = (Resident::from_asset(&asset), MeasureParams::default());
+    let read = |view, light| Ok(capture.read(view, light)?);
+    let [cpu, on_gpu] = [None, Some(&gpu)]
+        .map(|gpu| measure_images_on(gpu, capture.info(), &read, &asset, &resident, &params, &monitor).unwrap());
+    assert_eq!(cpu, on_gpu);
+    assert!(gpu.in_words().is_none());
 }

@@ -1,0 +1,215 @@
+//! Error of tiles of texels on an adapter, a batch of pairs at a time. Twin of the shader: gpu_errors.wgsl; the CPU's loops are in
+//! tile_errors.rs.
+
+use crate::gpu::device::{GpuDevice, Readback};
+use crate::measure::image_decoder::{ImageDecoder, PlainImage};
+use crate::measure::texel_tiles::TILE_TEXELS;
+use crate::measure::tile_errors::{Coding, PairWork, TileErrors, TiledImage};
+use btf_runtime::{LobeRole, WGSL};
+use rayon::prelude::*;
+use wgpu::BufferUsages;
+
+/// Pairs of a batch at most. Twin: `MOST_PAIRS`.
+pub const MAX_PAIRS: usize = 64;
+/// Pairs that share what is read of a texel's codes. Twin: `PAIRS_AT_ONCE`.
+const PAIRS_AT_ONCE: usize = 4;
+/// Numbers of a texel's sums. Twin: `SUMS`.
+const SUMS: usize = 6;
+/// Words of a pair in front of the lobes' values. Twin: `HEADER`.
+const HEADER: usize = 4;
+/// Workgroups in a row. Twin: the factor in `errors`.
+const ROW: usize = 65_535;
+/// Place of an image whose codes are not wanted.
+const UNWANTED: u32 = u32::MAX;
+
+/// An adapter with the texels of a layer, ready to measure.
+pub(crate) struct GpuErrors<'a> {
+    gpu: &'a GpuDevice,
+    pipeline: wgpu::ComputePipeline,
+    group: wgpu::BindGroup,
+    buffers: Buffers,
+    tiles: usize,
+    /// Quads of bases.
+    quads: usize,
+    clusters: usize,
+    lobes: usize,
+    /// Bits of the curve, its epsilon, and whether lobes are added.
+    curve: [u32; 3],
+}
+
+/// Buffers that are written for each batch, and the one that the shader writes.
+struct Buffers {
+    batch: wgpu::Buffer,
+    pairs: wgpu::Buffer,
+    rows: wgpu::Buffer,
+    images: wgpu::Buffer,
+    found: wgpu::Buffer,
+}
+
+/// A batch that an adapter is measuring.
+pub(crate) struct Pending {
+    readback: Readback,
+}
+
+impl<'a> GpuErrors<'a> {
+    /// Copies the texels of `decoder`'s layer to `gpu`; `None` where it has no room for them or fails.
+    pub fn new(
+        gpu: &'a GpuDevice,
+        decoder: &ImageDecoder,
+        coding: &Coding,
+        lights: usize,
+        most_pairs: usize,
+    ) -> Option<GpuErrors<'a>> {
+        let (mut heads, mut codes, mut slots) = (Vec::new(), Vec::new(), Vec::new());
+        for tile in decoder.tiles() {
+            let first = slots.len() / TILE_TEXELS;
+            let count = tile.push_slots(decoder.first_lobe(tile.cluster) as u32, &mut slots);
+            tile.push_quads(&mut codes);
+            heads.push([tile.cluster, tile.texels.len(), first, count].map(|number| number as u32));
+        }
+        let tables: Vec<f32> = (0..lights).flat_map(|light| coding.light_table(light)).collect();
+        let [clusters, lobes, words] = decoder.counts();
+        let (tiles, quads) = (heads.len(), words.div_ceil(2));
+        let layer = decoder.layer();
+        let adds = layer.lobe_role != LobeRole::Guide;
+        let curve = [layer.residual_kind as u32, layer.epsilon.to_bits(), u32::from(adds)];
+
+        let wgsl: String = WGSL.iter().filter(|(name, _)| *name == "residual.wgsl").map(|(_, text)| *text).collect();
+        let pipeline = gpu.pipeline("errors", &(wgsl + include_str!("gpu_errors.wgsl")), "errors", &[]);
+        let fits = |bytes: u64| (bytes <= gpu.largest_buffer()).then_some(bytes);
+        let stored = |bytes: &[u8]| {
+            let buffer = gpu.buffer(fits(bytes.len() as u64)?, BufferUsages::STORAGE);
+            gpu.queue.write_buffer(&buffer, 0, bytes);
+            Some(buffer)
+        };
+        let pair_count = most_pairs.next_multiple_of(PAIRS_AT_ONCE) as u64;
+        let numbers = |numbers: u64| Some(gpu.buffer(fits(4 * numbers)?, BufferUsages::STORAGE | BufferUsages::COPY_SRC));
+        let texels = (tiles * TILE_TEXELS) as u64;
+        let buffers = Buffers {
+            batch: gpu.buffer(32, BufferUsages::UNIFORM),
+            pairs: numbers((MAX_PAIRS * HEADER) as u64 + pair_count * lobes as u64)?,
+            rows: numbers(pair_count * (clusters * quads * 12) as u64)?,
+            images: numbers(pair_count * texels / 4 * 3)?,
+            found: numbers(texels * (SUMS as u64 + 1 + pair_count))?,
+        };
+        let fixed = [
+            stored(bytemuck::cast_slice(&heads))?,
+            stored(bytemuck::cast_slice(&codes))?,
+            stored(bytemuck::cast_slice(&slots))?,
+            stored(bytemuck::cast_slice(&tables))?,
+        ];
+        let bound = [&buffers.batch]
+            .into_iter()
+            .chain(&fixed)
+            .chain([&buffers.pairs, &buffers.rows, &buffers.images, &buffers.found]);
+        let entries: Vec<wgpu::BindGroupEntry> = bound
+            .enumerate()
+            .map(|(number, buffer)| wgpu::BindGroupEntry { binding: number as u32, resource: buffer.as_entire_binding() })
+            .collect();
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let sound = gpu.fault().is_none();
+        sound.then_some(GpuErrors { gpu, pipeline, group, buffers, tiles, quads, clusters, lobes, curve })
+    }
+
+    /// Returns whether the adapter can measure `batch`: plain sums, and images of 8-bit values.
+    pub fn takes(batch: &[PairWork]) -> bool {
+        let is_plain = |work: &PairWork| work.plan.plain().is_some() && matches!(work.image, TiledImage::Codes(_));
+        batch.len() <= MAX_PAIRS && batch.iter().all(is_plain)
+    }
+
+    /// Begins to measure `batch`, which [`GpuErrors::takes`] and which has no more pairs than [`GpuErrors::new`] was told of.
+    pub fn submit(&self, batch: &[PairWork]) -> Pending {
+        let GpuErrors { gpu, buffers, tiles, quads, clusters, lobes, curve: [kind, epsilon, adds], .. } = self;
+        let size = [*tiles, batch.len(), *quads, *clusters, *lobes].map(|number| number as u32);
+        let size = [size[0], size[1], size[2], size[3], size[4], *kind, *epsilon, *adds];
+        gpu.queue.write_buffer(&buffers.batch, 0, bytemuck::cast_slice(&size));
+        let mut heads = vec![0u32; MAX_PAIRS * HEADER];
+        let mut wanted = 0;
+        for (work, head) in batch.iter().zip(heads.chunks_mut(HEADER)) {
+            let fade = work.plan.plain().map_or(1.0, |plain| plain.fade);
+            let place = if work.colour_every.is_some() { wanted } else { UNWANTED };
+            wanted += u32::from(work.colour_every.is_some());
+            head.copy_from_slice(&[work.light as u32, fade.to_bits(), place, 0]);
+        }
+        let plain: Vec<PlainImage> = batch.iter().filter_map(|work| work.plan.plain()).collect();
+        heads.extend(plain.iter().flat_map(|plain| plain.values).map(|value| value.to_bits()));
+        gpu.queue.write_buffer(&buffers.pairs, 0, bytemuck::cast_slice(&heads));
+        let rows: Vec<Vec<f32>> = plain.par_iter().map(|plain| self.rows_by_quad(plain)).collect();
+        let mut at = 0;
+        for rows in &rows {
+            gpu.queue.write_buffer(&buffers.rows, at, bytemuck::cast_slice(rows));
+            at += 4 * rows.len() as u64;
+        }
+        let mut at = 0;
+        for work in batch {
+            if let TiledImage::Codes(tiles) = &work.image {
+                let bytes = tiles.as_flattened().as_flattened();
+                gpu.queue.write_buffer(&buffers.images, at, bytes);
+                at += bytes.len() as u64;
+            }
+        }
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        pass.dispatch_workgroups((*tiles).min(ROW) as u32, tiles.div_ceil(ROW) as u32, 1);
+        drop(pass);
+        let words = tiles * (TILE_TEXELS * (SUMS + wanted as usize) + MAX_PAIRS);
+        let readback = gpu.read_back(&mut encoder, &buffers.found, 4 * words as u64);
+        gpu.queue.submit([encoder.finish()]);
+        Pending { readback }
+    }
+
+    /// Returns the rows of a pair as `[cluster, quad, channel, basis]`.
+    fn rows_by_quad(&self, plain: &PlainImage) -> Vec<f32> {
+        let words = plain.rows.len() / self.clusters.max(1);
+        let mut rows = Vec::with_capacity(self.clusters * self.quads * 12);
+        for cluster in plain.rows.chunks(words.max(1)) {
+            for quad in cluster.chunks(2) {
+                let at = |word: usize, c: usize| quad.get(word).map_or([0.0; 2], |row| row[c]);
+                (0..3).for_each(|c| rows.extend([at(0, c), at(1, c)].as_flattened()));
+            }
+        }
+        rows
+    }
+
+    /// Waits for `pending`, adds the sums of every tile to `errors` and returns the squared differences of 8-bit values of each
+    /// pair; `None`, and nothing added, after an error of the driver.
+    pub fn collect(
+        &self,
+        pending: Pending,
+        batch: &[PairWork],
+        decoder: &ImageDecoder,
+        coding: &Coding,
+        errors: &mut [TileErrors],
+    ) -> Option<Vec<u64>> {
+        let found: Vec<u32> = pending.readback.numbers(self.gpu)?;
+        if self.gpu.fault().is_some() {
+            return None;
+        }
+        let row = self.tiles * TILE_TEXELS;
+        let (sums, rest) = found.split_at_checked(SUMS * row)?;
+        let (of_pairs, colours) = rest.split_at_checked(self.tiles * MAX_PAIRS)?;
+        if sums[row..].iter().any(|bits| !f32::from_bits(*bits).is_finite()) {
+            return None;
+        }
+        errors.par_iter_mut().enumerate().for_each(|(number, errors)| {
+            for i in 0..TILE_TEXELS {
+                let sum = |which: usize| sums[which * row + number * TILE_TEXELS + i];
+                errors.add_sums(i, sum(0), [1, 2, 3, 4, 5].map(|which| f32::from_bits(sum(which))));
+            }
+            let chosen = batch.iter().filter(|work| work.colour_every.is_some());
+            for (work, image) in chosen.zip(colours.chunks(row)) {
+                let codes = &image[number * TILE_TEXELS..(number + 1) * TILE_TEXELS];
+                let decoded = [0, 1, 2].map(|c| std::array::from_fn(|i| (codes[i] >> (8 * c)) as u8));
+                errors.add_colours_of(work, number, decoder, coding, &decoded);
+            }
+        });
+        let of_pair = |pair: usize| of_pairs.chunks(MAX_PAIRS).map(|tile| u64::from(tile[pair])).sum();
+        Some((0..batch.len()).map(of_pair).collect())
+    }
+}
