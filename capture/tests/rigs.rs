@@ -65,6 +65,37 @@ fn exposures_of_a_pair_become_one_linear_image() {
 }
 
 #[test]
+fn a_pose_counts_as_its_place_and_what_is_no_pose_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = folder.path().join("poses.csv");
+    let text = example("csv", "track/");
+    (1..=2).for_each(|i| write(&folder.path().join(format!("track/000{i}.png")), |_, _| [0.2; 3]));
+    std::fs::write(&list, &text).unwrap();
+    let capture = Capture::open(folder.path()).unwrap();
+    let angles: Vec<[f64; 2]> =
+        capture.info().lights.directions().iter().map(|light| [light.theta_deg, light.phi_deg]).collect();
+    // atan2 of the distance from the normal and the height, and of y and x.
+    assert_eq!(angles, [[2.561, 26.565], [36.657, 352.648]]);
+    // A row cut short, a skewed one, and what is no number.
+    for (from, to) in [("0,   -0.8, 0.6,", "0, -0.8, 0,"), ("0,   0.6, 0.8, ", "0, 0.8, 0.6, "), ("310", "far")] {
+        let wrong = text.replace(from, to);
+        assert_ne!(wrong, text);
+        std::fs::write(&list, wrong).unwrap();
+        let sentence = refused(folder.path());
+        let told = if to == "far" { "`l14` is `far`" } else { "`l11` to `l34` are no pose" };
+        assert!(sentence.contains(told) && sentence.contains("line 3") && !sentence.contains('\n'), "{sentence}");
+    }
+    // The camera's pose, upright; without a column the file is no list.
+    let upright = "1,0,0,0, 0,1,0,0, 0,0,1,700";
+    let names = "v11,v12,v13,v14,v21,v22,v23,v24,v31,v32,v33,v34";
+    std::fs::write(&list, format!("file,{names},theta_l,phi_l\ntrack/0001.png,{upright},30,90\n")).unwrap();
+    let capture = Capture::open(folder.path()).unwrap();
+    assert_eq!((capture.info().views.directions()[0].theta_deg, capture.info().lights.len()), (0.0, 1));
+    std::fs::write(&list, format!("file,{},theta_l,phi_l\n", names.replace(",v34", ""))).unwrap();
+    assert!(Capture::open(&list).unwrap_err().to_string().contains("no column `v34`"));
+}
+
+#[test]
 fn poses_of_a_flash_count_as_the_nearest_lights() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("flashes.csv"), example("csv", "flash/")).unwrap();

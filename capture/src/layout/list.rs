@@ -2,7 +2,7 @@
 //!
 //! The first line names the columns. `file` must be among them, and for view and light either the angles `theta_v`, `phi_v`,
 //! `theta_l` and `phi_l` in degrees, or the places `x_v`, `y_v`, `z_v`, `x_l`, `y_l` and `z_l` of camera and lamp about the
-//! sample's middle. `exposure` may be there, and `h11` to `h33`, a map from texels to pixels. Commas, semicolons or tabs separate values. A value that contains a separator stands in
+//! sample's middle, or their poses, `v11` to `v34` and `l11` to `l34`. `exposure` may be there, and `h11` to `h33`, a map from texels to pixels. Commas, semicolons or tabs separate values. A value that contains a separator stands in
 //! quotes, and a quote in it is doubled. Empty lines and lines that start with `#` are ignored.
 
 use std::collections::{HashMap, HashSet};
@@ -19,12 +19,24 @@ pub(crate) const LIST_EXTENSION: &str = "csv";
 /// Largest list that is read, in bytes: 300,000 long lines.
 const MAX_LIST_BYTES: u64 = 32 << 20;
 
-/// The columns of a list; it has those of each direction's angles or of its place.
+/// The columns of a list; it has those of each direction's angles, of its place, or of its pose: a 3 x 4 matrix from the frame of the
+/// camera or the lamp to the sample's, row by row.
 const FILE: &str = "file";
 const EXPOSURE: &str = "exposure";
 const HOMOGRAPHY: [&str; 9] = ["h11", "h12", "h13", "h21", "h22", "h23", "h31", "h32", "h33"];
-const VIEW: [[&str; 3]; 2] = [["theta_v", "phi_v", ""], ["x_v", "y_v", "z_v"]];
-const LIGHT: [[&str; 3]; 2] = [["theta_l", "phi_l", ""], ["x_l", "y_l", "z_l"]];
+const VIEW: [&[&str]; 3] = [
+    &["theta_v", "phi_v"],
+    &["x_v", "y_v", "z_v"],
+    &["v11", "v12", "v13", "v14", "v21", "v22", "v23", "v24", "v31", "v32", "v33", "v34"],
+];
+const LIGHT: [&[&str]; 3] = [
+    &["theta_l", "phi_l"],
+    &["x_l", "y_l", "z_l"],
+    &["l11", "l12", "l13", "l14", "l21", "l22", "l23", "l24", "l31", "l32", "l33", "l34"],
+];
+
+/// Largest cosine between two rows of a pose, and difference of their lengths relative to the longest.
+const MAX_SKEW: f64 = 0.02;
 
 /// Angles are rounded to this many parts of a degree, so that 29.9999999 and 30 are one direction.
 const PARTS_OF_A_DEGREE: f64 = 1000.0;
@@ -47,7 +59,7 @@ struct List {
     heading: usize,
 }
 
-/// Positions and names of the columns of a direction: two angles, or three coordinates.
+/// Positions and names of the columns of a direction: two angles, three coordinates, or the twelve numbers of a pose.
 #[derive(Debug)]
 struct Columns(Vec<(usize, &'static str)>);
 
@@ -101,8 +113,12 @@ fn open(source: &Source, file: usize) -> Result<Result<List, String>, CaptureErr
         }
     };
     let must = |column: &str| find(column)?.ok_or_else(|| format!("it has no column `{column}`"));
-    let direction = |[angles, place]: [[&'static str; 3]; 2]| {
-        let kind = if find(place[0])?.is_some() { &place[..] } else { &angles[..2] };
+    let direction = |[angles, place, pose]: [&[&'static str]; 3]| {
+        let kind = match (find(place[0])?, find(pose[0])?) {
+            (Some(_), _) => place,
+            (None, Some(_)) => pose,
+            (None, None) => angles,
+        };
         let columns = kind.iter().map(|column| Ok((must(column)?, *column)));
         columns.collect::<Result<_, String>>().map(Columns)
     };
@@ -162,15 +178,24 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
                 }
             }
             _ => {
-                let place: Vec<f64> = columns
+                let numbers: Vec<f64> = columns
                     .0
                     .iter()
-                    .map(|(place, column)| number(*place, column, "a length"))
+                    .map(|(place, column)| number(*place, column, "a number"))
                     .collect::<Result<_, _>>()?;
-                let [x, y, z] = [place[0], place[1], place[2]];
+                let [x, y, z] = match numbers[..] {
+                    [x, y, z] => [x, y, z],
+                    _ => place_of_pose(&numbers).ok_or_else(|| {
+                        let (first, last) = (columns.0[0].1, columns.0[columns.0.len() - 1].1);
+                        bad(format!(
+                            "`{first}` to `{last}` are no pose: row by row a rotation to the sample's frame and, last in each row, the place"
+                        ))
+                    })?,
+                };
                 let length = x.hypot(y).hypot(z);
                 if !(length > 0.0 && length.is_finite()) {
-                    return Err(bad(format!("`{}` to `{}` are no direction", columns.0[0].1, columns.0[2].1)));
+                    let last = columns.0[columns.0.len() - 1].1;
+                    return Err(bad(format!("`{}` to `{last}` are no direction", columns.0[0].1)));
                 }
                 let theta = (z / length).clamp(-1.0, 1.0).acos().to_degrees();
                 Ok(Direction::new(rounded(theta), rounded(y.atan2(x).to_degrees())))
@@ -214,6 +239,18 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
         return Err(CaptureError::BadList { path: list.shown.clone(), line: list.heading, reason });
     }
     Ok(images)
+}
+
+/// Returns the place of a pose, a 3 x 4 matrix row by row; `None` where its first three columns are no rotation, up to a scale.
+fn place_of_pose(numbers: &[f64]) -> Option<[f64; 3]> {
+    let (rows, _) = numbers.as_chunks::<4>();
+    let dot = |a: &[f64; 4], b: &[f64; 4]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let lengths: Vec<f64> = rows.iter().map(|row| dot(row, row).sqrt()).collect();
+    let longest = lengths.iter().fold(0.0, |longest: f64, length| longest.max(*length));
+    let even = lengths.iter().all(|length| longest - length <= MAX_SKEW * longest);
+    let square = |a: usize, b: usize| dot(&rows[a], &rows[b]).abs() <= MAX_SKEW * longest * longest;
+    let is_rotation = longest > 0.0 && longest.is_finite() && even && square(0, 1) && square(0, 2) && square(1, 2);
+    is_rotation.then(|| [rows[0][3], rows[1][3], rows[2][3]])
 }
 
 /// Returns the values of a line.
