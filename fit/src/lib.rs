@@ -23,6 +23,7 @@ mod gpu;
 mod input;
 mod inspect;
 mod library;
+mod matrix_product;
 mod measure;
 mod metrics;
 mod monitor;

@@ -61,7 +61,7 @@ pub(super) struct TradeArgs {
     /// A capture of the same sample in other directions, to measure interpolation on
     #[arg(long, value_name = "CAPTURE")]
     reference: Option<PathBuf>,
-    /// Adapter to time on: part of its name, or none; the best one if not given. A software driver is told as such
+    /// Adapter to time on: part of its name, or off (or none); the best one if not given. A software driver is told as such
     #[arg(long, value_name = "NAME")]
     gpu: Option<String>,
     /// A coarse grid: lobes 0 and 2, one limit of components, half the pairs
@@ -180,7 +180,7 @@ fn params(args: &TradeArgs) -> TradeParams {
             .map_or(base.roles.clone(), |roles| roles.iter().map(|name| Role::from(*name)).collect()),
         gpu: match args.gpu.as_deref() {
             None => GpuChoice::Best,
-            Some("none") => GpuChoice::Off,
+            Some("none" | "off") => GpuChoice::Off,
             Some(name) => GpuChoice::Named(name.to_string()),
         },
         components: args.components.clone().unwrap_or(base.components.clone()),

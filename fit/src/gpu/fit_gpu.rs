@@ -46,15 +46,7 @@ impl FitGpu {
     /// Returns `products` as the adapter of a fit that multiplies `batch_bytes` of rows together.
     pub fn new(products: GpuProducts, named: bool, batch_bytes: u64) -> FitGpu {
         let (finished, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
-        FitGpu {
-            products,
-            named,
-            quicker: OnceLock::new(),
-            batch_bytes,
-            finished,
-            failed,
-            measured: OnceLock::new(),
-        }
+        FitGpu { products, named, quicker: OnceLock::new(), batch_bytes, finished, failed, measured: OnceLock::new() }
     }
 
     /// Tells what the adapter did; `None` where it was not asked.

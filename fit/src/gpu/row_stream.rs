@@ -2,6 +2,7 @@
 
 use crate::gpu::fit_gpu::{FitGpu, MAX_SHARE};
 use crate::gpu::product::{GpuMatrix, Place, Precision};
+use crate::matrix_product::product;
 use ndarray::Array2;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -105,7 +106,7 @@ fn is_quicker(gpu: &FitGpu, block: &Array2<f32>, right: &Array2<f32>, precision:
     let threads = rayon::current_num_threads();
     let start = Instant::now();
     (0..threads).into_par_iter().for_each(|_| {
-        std::hint::black_box(block.dot(right));
+        std::hint::black_box(product(block, right));
     });
     let cpu_s = start.elapsed().as_secs_f64() / threads as f64;
     // The first batch makes the driver ready.
@@ -167,7 +168,9 @@ mod tests {
         try_on(&gpu, &block, &right, Precision::Half);
         assert!(gpu.is_tried() && gpu.in_words().is_none_or(|words| words.contains("was not quicker")));
         // What is no number is not taken.
-        let Some(products) = open_for_test("an_adapter_is_chosen_by_its_speed_and_not_again_after_a_failure") else { return };
+        let Some(products) = open_for_test("an_adapter_is_chosen_by_its_speed_and_not_again_after_a_failure") else {
+            return;
+        };
         let gpu = FitGpu::new(products, true, 4096);
         assert!(gpu.is_quicker());
         let mut stream = RowStream::times(&gpu, 8, &right, Precision::Single).unwrap();

@@ -574,10 +574,9 @@ impl Tile<'_> {
         } else if self.form == Form::Encoded8 {
             let row = self.cache.lights * 3;
             for (out, codes) in out.chunks_exact_mut(row).zip(samples.chunks_exact(row)) {
-                for ((out, codes), table) in out.chunks_exact_mut(3).zip(codes.chunks_exact(3)).zip(&mapping.tables) {
-                    for c in 0..3 {
-                        out[c] = table[usize::from(codes[c])];
-                    }
+                let (out, codes) = (out.as_chunks_mut::<3>().0, codes.as_chunks::<3>().0);
+                for ((out, codes), table) in out.iter_mut().zip(codes).zip(&mapping.tables) {
+                    *out = codes.map(|code| table[usize::from(code)]);
                 }
             }
         } else {

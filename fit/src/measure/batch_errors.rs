@@ -78,9 +78,10 @@ impl<'a> BatchErrors<'a> {
     /// Adds a batch that an adapter was measuring; where it failed, on the CPU.
     fn collect(&mut self, busy: Option<(Pending, Vec<PairWork>)>) {
         let Some((pending, batch)) = busy else { return };
-        let found = self.adapter.as_ref().and_then(|adapter| {
-            adapter.errors.collect(pending, &batch, self.decoder, self.coding, &mut self.tiles)
-        });
+        let found = self
+            .adapter
+            .as_ref()
+            .and_then(|adapter| adapter.errors.collect(pending, &batch, self.decoder, self.coding, &mut self.tiles));
         let Some(errors) = found else { return self.take_on_cpu(&batch) };
         batch.iter().zip(errors).for_each(|(work, error)| self.pairs[work.pair] += error);
     }

@@ -83,7 +83,8 @@ impl<'a> GpuErrors<'a> {
             Some(buffer)
         };
         let pair_count = most_pairs.next_multiple_of(PAIRS_AT_ONCE) as u64;
-        let numbers = |numbers: u64| Some(gpu.buffer(fits(4 * numbers)?, BufferUsages::STORAGE | BufferUsages::COPY_SRC));
+        let numbers =
+            |numbers: u64| Some(gpu.buffer(fits(4 * numbers)?, BufferUsages::STORAGE | BufferUsages::COPY_SRC));
         let texels = (tiles * TILE_TEXELS) as u64;
         let buffers = Buffers {
             batch: gpu.buffer(32, BufferUsages::UNIFORM),
@@ -98,13 +99,18 @@ impl<'a> GpuErrors<'a> {
             stored(bytemuck::cast_slice(&slots))?,
             stored(bytemuck::cast_slice(&tables))?,
         ];
-        let bound = [&buffers.batch]
-            .into_iter()
-            .chain(&fixed)
-            .chain([&buffers.pairs, &buffers.rows, &buffers.images, &buffers.found]);
+        let bound = [&buffers.batch].into_iter().chain(&fixed).chain([
+            &buffers.pairs,
+            &buffers.rows,
+            &buffers.images,
+            &buffers.found,
+        ]);
         let entries: Vec<wgpu::BindGroupEntry> = bound
             .enumerate()
-            .map(|(number, buffer)| wgpu::BindGroupEntry { binding: number as u32, resource: buffer.as_entire_binding() })
+            .map(|(number, buffer)| wgpu::BindGroupEntry {
+                binding: number as u32,
+                resource: buffer.as_entire_binding(),
+            })
             .collect();
         let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,

@@ -1,9 +1,10 @@
 //! Leading directions of many rows by a randomised range finder [Halko 2011], and the products and eigenvectors of
 //! tall matrices that it needs.
 
-use crate::gpu::product::Precision;
 use crate::gpu::fit_gpu::FitGpu;
+use crate::gpu::product::Precision;
 use crate::gpu::row_stream::{RowStream, try_on};
+use crate::matrix_product::{add_product, product};
 use nalgebra::{DMatrix, SymmetricEigen};
 use ndarray::{Array2, ArrayView2, s};
 use rand::Rng;
@@ -140,7 +141,7 @@ impl<'a, E: Send> Rows<'a, E> {
         if let Some(found) = self.on_gpu(|gpu, precision| RowStream::times(gpu, self.count, q, precision))? {
             return Ok(found);
         }
-        let parts = self.map(|rows| rows.dot(q))?;
+        let parts = self.map(|rows| product(&rows, q))?;
         let views: Vec<_> = parts.iter().map(|part| part.view()).collect();
         Ok(ndarray::concatenate(ndarray::Axis(0), &views).unwrap_or_else(|_| Array2::zeros((0, q.ncols()))))
     }
@@ -162,7 +163,7 @@ impl<'a, E: Send> Rows<'a, E> {
                     for &first in firsts {
                         let range = first..(first + ROW_BLOCK).min(self.count);
                         let rows = (self.make)(range.clone())?;
-                        ndarray::linalg::general_mat_mul(1.0, &rows.t(), &q.slice(s![range, ..]), 1.0, &mut part);
+                        add_product(&rows.t(), &q.slice(s![range, ..]), &mut part);
                     }
                     Ok(part)
                 })

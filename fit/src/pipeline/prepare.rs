@@ -52,7 +52,11 @@ const MIN_GPU_OPERATIONS: f64 = 2e11;
 ///
 /// # Errors
 /// A named adapter that does not exist.
-pub(crate) fn opened_gpu(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<Option<FitGpu>, FitError> {
+pub(crate) fn opened_gpu(
+    captures: &[Capture],
+    params: &ValidFitParams,
+    monitor: &Monitor,
+) -> Result<Option<FitGpu>, FitError> {
     let operations: f64 = captures
         .iter()
         .map(|capture| {

@@ -1,6 +1,7 @@
 //! Predicts the pairs of a capture that are not seen from those that are: the best linear prediction (simple kriging) under
 //! a covariance between pairs.
 
+use crate::matrix_product::product;
 use crate::priors::covariance::PairCovariance;
 use crate::resume::stored::stored_structs;
 use nalgebra::{DMatrix, DVector};
@@ -67,7 +68,7 @@ impl Prediction {
                 (0..3).for_each(|channel| seen[[channel, number]] = row[3 * pair + channel]);
             }
         }
-        let found = seen.dot(&self.whole);
+        let found = product(&seen, &self.whole);
         for (mut row, found) in rows.rows_mut().into_iter().zip(found.axis_chunks_iter(Axis(0), 3)) {
             for (number, pair) in self.missing.iter().enumerate() {
                 (0..3).for_each(|channel| row[3 * pair + channel] = found[[channel, number]]);

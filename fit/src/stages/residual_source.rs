@@ -52,7 +52,9 @@ impl ResidualSource<'_> {
             row.iter_mut().zip(scratch.iter()).for_each(|(x, s)| *x -= self.curve.encode(*s));
         } else {
             let nothing = self.curve.encode(0.0);
-            row.iter_mut().for_each(|x| *x -= nothing);
+            if nothing != 0.0 {
+                row.iter_mut().for_each(|x| *x -= nothing);
+            }
         }
     }
 

@@ -2,10 +2,11 @@
 //! them. All that follows (clusters' models, quantisation, the search for a size) works on these numbers.
 
 use crate::error::FitError;
-use crate::gpu::product::Precision;
 use crate::gpu::fit_gpu::FitGpu;
+use crate::gpu::product::Precision;
 use crate::gpu::row_stream::RowStream;
 use crate::input::texel_sample::texel_sample;
+use crate::matrix_product::product;
 use crate::monitor::Monitor;
 use crate::numeric::principal_directions::{Rows, principal_directions, rows_made};
 use crate::resume::stored::stored_structs;
@@ -99,7 +100,7 @@ fn projected(
     let mut squares = 0.0;
     source.for_each_block(
         told,
-        |range, rows| (range, rows.dot(directions), squares_of(&rows)),
+        |range, rows| (range, product(&rows, directions), squares_of(&rows)),
         |(range, part, part_squares)| {
             scores.slice_mut(s![range, ..]).assign(&part);
             squares += part_squares;
@@ -129,6 +130,19 @@ fn projected_on_gpu(
     Ok(stream.finish().filter(|_| works).map(|scores| (scores, squares)))
 }
 
+/// Returns the sum of all squares.
 fn squares_of(rows: &Array2<f32>) -> f64 {
-    rows.iter().map(|x| f64::from(*x) * f64::from(*x)).sum()
+    rows.rows().into_iter().map(|row| square_of(row.as_slice().unwrap_or_default())).sum()
+}
+
+/// Returns the sum of squares in eight sums beside each other, so that none waits for the one before.
+fn square_of(row: &[f32]) -> f64 {
+    let mut sums = [0.0f64; 8];
+    let (eights, rest) = row.as_chunks::<8>();
+    for eight in eights {
+        for (sum, x) in sums.iter_mut().zip(eight) {
+            *sum += f64::from(*x) * f64::from(*x);
+        }
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|x| f64::from(*x) * f64::from(*x)).sum::<f64>()
 }

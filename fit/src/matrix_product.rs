@@ -1,0 +1,102 @@
+//! Matrix products in single precision on one thread, with the widest vectors of the processor.
+
+use gemm::{Parallelism, gemm};
+use ndarray::{Array2, ArrayBase, Axis, Data, DataMut, Ix2};
+
+/// Products that are summed in a row before they are added to what is there: longer sums round more, and shorter ones take longer.
+const DEPTH: usize = 256;
+
+/// Returns `a b`, in any layout of both.
+///
+/// The crate `gemm` takes half the time of ndarray's product where a processor has AVX-512, for which ndarray has no kernel.
+///
+/// # Panics
+/// If `a` has another number of columns than `b` has rows.
+pub fn product<A, B>(a: &ArrayBase<A, Ix2>, b: &ArrayBase<B, Ix2>) -> Array2<f32>
+where
+    A: Data<Elem = f32>,
+    B: Data<Elem = f32>,
+{
+    let mut c = Array2::zeros((a.nrows(), b.ncols()));
+    add_product(a, b, &mut c);
+    c
+}
+
+/// Adds `a b` to `c`.
+///
+/// # Panics
+/// If the sizes do not fit each other.
+#[allow(
+    unsafe_code,
+    reason = "gemm takes pointers and strides; those of ndarray's arrays are of memory that they own or borrow"
+)]
+pub fn add_product<A, B, C>(a: &ArrayBase<A, Ix2>, b: &ArrayBase<B, Ix2>, c: &mut ArrayBase<C, Ix2>)
+where
+    A: Data<Elem = f32>,
+    B: Data<Elem = f32>,
+    C: DataMut<Elem = f32>,
+{
+    let ([m, k], [of_b, n]) = ([a.nrows(), a.ncols()], [b.nrows(), b.ncols()]);
+    assert_eq!(k, of_b, "columns of a, rows of b");
+    assert_eq!([m, n], [c.nrows(), c.ncols()], "rows of a and columns of b, size of c");
+    if m == 0 || n == 0 {
+        return;
+    }
+    for (a, b) in a.axis_chunks_iter(Axis(1), DEPTH).zip(b.axis_chunks_iter(Axis(0), DEPTH)) {
+        let strides = |strides: &[isize]| (strides[0], strides[1]);
+        let ((a_row, a_column), (b_row, b_column)) = (strides(a.strides()), strides(b.strides()));
+        let (c_row, c_column) = strides(c.strides());
+        let (to, left, right) = (c.as_mut_ptr(), a.as_ptr(), b.as_ptr());
+        let (depth, none) = (a.ncols(), Parallelism::None);
+        // SAFETY: the pointers and strides are those of arrays of m x depth, depth x n and m x n numbers, and `c` is borrowed alone.
+        unsafe {
+            gemm(
+                m, n, depth, to, c_column, c_row, true, left, a_column, a_row, right, b_column, b_row, 1.0, 1.0, false,
+                false, false, none,
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::s;
+
+    fn matrix(rows: usize, columns: usize, seed: usize) -> Array2<f32> {
+        Array2::from_shape_fn((rows, columns), |(i, j)| ((i * 37 + j * 101 + seed * 13) % 199) as f32 / 199.0 - 0.4)
+    }
+
+    fn is_near(a: &Array2<f32>, b: &Array2<f32>) -> bool {
+        a.dim() == b.dim() && a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-4)
+    }
+
+    #[test]
+    fn products_are_ndarrays_in_every_layout_and_size() {
+        for (m, k, n) in [(1, 1, 1), (3, 700, 5), (67, 33, 129), (130, 256, 64), (5, 0, 4), (0, 3, 2)] {
+            let (a, b) = (matrix(m, k, 1), matrix(k, n, 2));
+            let expected = a.dot(&b);
+            assert!(is_near(&product(&a, &b), &expected), "{m} {k} {n}");
+            // Columns beside each other, and every other one of a larger array from the last row to the first.
+            let by_columns = a.t().as_standard_layout().into_owned();
+            assert!(is_near(&product(&by_columns.t(), &b), &expected), "{m} {k} {n}");
+            let mut larger = Array2::<f32>::from_elem((m, 2 * k), 9.0);
+            larger.slice_mut(s![..;-1, ..;2]).assign(&a);
+            assert!(is_near(&product(&larger.slice(s![..;-1, ..;2]), &b), &expected), "{m} {k} {n}");
+            let mut twice = expected.clone();
+            add_product(&a, &b, &mut twice);
+            assert!(is_near(&twice, &(2.0 * &expected)));
+        }
+        // What is planted is seen.
+        let (a, b) = (matrix(67, 33, 1), matrix(33, 129, 2));
+        let mut wrong = b.clone();
+        wrong[[32, 128]] += 0.01;
+        assert!(!is_near(&product(&a, &wrong), &a.dot(&b)));
+    }
+
+    #[test]
+    #[should_panic(expected = "columns of a")]
+    fn sizes_that_do_not_fit_are_refused() {
+        let _ = product(&matrix(3, 4, 1), &matrix(5, 2, 1));
+    }
+}
