@@ -77,7 +77,7 @@ fn a_pose_counts_as_its_place_and_what_is_no_pose_is_refused() {
     // atan2 of the distance from the normal and the height, and of y and x.
     assert_eq!(angles, [[2.561, 26.565], [36.657, 352.648]]);
     // A row cut short, a skewed one, and what is no number.
-    for (from, to) in [("0,   -0.8, 0.6,", "0, -0.8, 0,"), ("0,   0.6, 0.8, ", "0, 0.8, 0.6, "), ("310", "far")] {
+    for (from, to) in [("0,   -0.8, 0.6,", "0, -0.8, 0,"), ("0,   0.6, 0.8, ", "0, -0.6, -0.8,"), ("310", "far")] {
         let wrong = text.replace(from, to);
         assert_ne!(wrong, text);
         std::fs::write(&list, wrong).unwrap();
@@ -85,6 +85,9 @@ fn a_pose_counts_as_its_place_and_what_is_no_pose_is_refused() {
         let told = if to == "far" { "`l14` is `far`" } else { "`l11` to `l34` are no pose" };
         assert!(sentence.contains(told) && sentence.contains("line 3") && !sentence.contains('\n'), "{sentence}");
     }
+    // A direction by two kinds of columns.
+    std::fs::write(&list, text.replace("phi_v,", "phi_v, x_l, y_l, z_l,")).unwrap();
+    assert!(Capture::open(&list).unwrap_err().to_string().contains("both `x_l` and `l11`"));
     // The camera's pose, upright; without a column the file is no list.
     let upright = "1,0,0,0, 0,1,0,0, 0,0,1,700";
     let names = "v11,v12,v13,v14,v21,v22,v23,v24,v31,v32,v33,v34";

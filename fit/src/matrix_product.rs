@@ -42,6 +42,7 @@ where
     if m == 0 || n == 0 {
         return;
     }
+    let mut c = c.view_mut();
     for (a, b) in a.axis_chunks_iter(Axis(1), DEPTH).zip(b.axis_chunks_iter(Axis(0), DEPTH)) {
         let strides = |strides: &[isize]| (strides[0], strides[1]);
         let ((a_row, a_column), (b_row, b_column)) = (strides(a.strides()), strides(b.strides()));
@@ -73,7 +74,7 @@ mod tests {
 
     #[test]
     fn products_are_ndarrays_in_every_layout_and_size() {
-        for (m, k, n) in [(1, 1, 1), (3, 700, 5), (67, 33, 129), (130, 256, 64), (5, 0, 4), (0, 3, 2)] {
+        for (m, k, n) in [(1, 1, 1), (3, 700, 5), (67, 33, 129), (130, 257, 64), (5, 0, 4), (0, 3, 2)] {
             let (a, b) = (matrix(m, k, 1), matrix(k, n, 2));
             let expected = a.dot(&b);
             assert!(is_near(&product(&a, &b), &expected), "{m} {k} {n}");
@@ -83,9 +84,20 @@ mod tests {
             let mut larger = Array2::<f32>::from_elem((m, 2 * k), 9.0);
             larger.slice_mut(s![..;-1, ..;2]).assign(&a);
             assert!(is_near(&product(&larger.slice(s![..;-1, ..;2]), &b), &expected), "{m} {k} {n}");
-            let mut twice = expected.clone();
-            add_product(&a, &b, &mut twice);
-            assert!(is_near(&twice, &(2.0 * &expected)));
+            // The same of the right factor, and one row for all.
+            let by_columns = b.t().as_standard_layout().into_owned();
+            assert!(is_near(&product(&a, &by_columns.t()), &expected), "{m} {k} {n}");
+            let mut larger = Array2::<f32>::from_elem((2 * k, n), 9.0);
+            larger.slice_mut(s![..;2, ..;-1]).assign(&b);
+            assert!(is_near(&product(&a, &larger.slice(s![..;2, ..;-1])), &expected), "{m} {k} {n}");
+            let row = matrix(1, n, 3);
+            let repeated = row.broadcast((k, n)).unwrap();
+            assert!(is_near(&product(&a, &repeated), &a.dot(&repeated)), "{m} {k} {n}");
+            // Added to a part of a larger array, of which nothing else changes.
+            let mut sums = Array2::<f32>::from_elem((n, 3 * m), 7.0);
+            add_product(&a, &b, &mut sums.slice_mut(s![.., ..;3]).reversed_axes());
+            assert!(is_near(&sums.slice(s![.., ..;3]).t().to_owned(), &(7.0 + &expected)), "{m} {k} {n}");
+            assert_eq!(sums.iter().filter(|x| **x == 7.0).count() >= 2 * m * n, true);
         }
         // What is planted is seen.
         let (a, b) = (matrix(67, 33, 1), matrix(33, 129, 2));

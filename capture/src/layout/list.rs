@@ -2,8 +2,9 @@
 //!
 //! The first line names the columns. `file` must be among them, and for view and light either the angles `theta_v`, `phi_v`,
 //! `theta_l` and `phi_l` in degrees, or the places `x_v`, `y_v`, `z_v`, `x_l`, `y_l` and `z_l` of camera and lamp about the
-//! sample's middle, or their poses, `v11` to `v34` and `l11` to `l34`. `exposure` may be there, and `h11` to `h33`, a map from texels to pixels. Commas, semicolons or tabs separate values. A value that contains a separator stands in
-//! quotes, and a quote in it is doubled. Empty lines and lines that start with `#` are ignored.
+//! sample's middle, or their poses, `v11` to `v34` and `l11` to `l34`. `exposure` may be there, and `h11` to `h33`, a map from
+//! texels to pixels. Commas, semicolons or tabs separate values. A value that contains a separator stands in quotes, and a quote
+//! in it is doubled. Empty lines and lines that start with `#` are ignored.
 
 use std::collections::{HashMap, HashSet};
 
@@ -114,10 +115,14 @@ fn open(source: &Source, file: usize) -> Result<Result<List, String>, CaptureErr
     };
     let must = |column: &str| find(column)?.ok_or_else(|| format!("it has no column `{column}`"));
     let direction = |[angles, place, pose]: [&[&'static str]; 3]| {
-        let kind = match (find(place[0])?, find(pose[0])?) {
-            (Some(_), _) => place,
-            (None, Some(_)) => pose,
-            (None, None) => angles,
+        let has =
+            |kind: &[&str]| kind.iter().try_fold(true, |all, column| Ok::<_, String>(all && find(column)?.is_some()));
+        let kind = match (find(place[0])?.is_some(), has(pose)?) {
+            (true, true) => return Err(format!("it has both `{}` and `{}` for one direction", place[0], pose[0])),
+            (true, false) => place,
+            (false, true) => pose,
+            (false, false) if !has(angles)? && find(pose[0])?.is_some() => pose,
+            (false, false) => angles,
         };
         let columns = kind.iter().map(|column| Ok((must(column)?, *column)));
         columns.collect::<Result<_, String>>().map(Columns)
@@ -241,7 +246,7 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
     Ok(images)
 }
 
-/// Returns the place of a pose, a 3 x 4 matrix row by row; `None` where its first three columns are no rotation, up to a scale.
+/// Returns the place of a pose, a 3 x 4 matrix row by row; `None` where the first three columns are no rotation, up to a scale.
 fn place_of_pose(numbers: &[f64]) -> Option<[f64; 3]> {
     let (rows, _) = numbers.as_chunks::<4>();
     let dot = |a: &[f64; 4], b: &[f64; 4]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -249,7 +254,11 @@ fn place_of_pose(numbers: &[f64]) -> Option<[f64; 3]> {
     let longest = lengths.iter().fold(0.0, |longest: f64, length| longest.max(*length));
     let even = lengths.iter().all(|length| longest - length <= MAX_SKEW * longest);
     let square = |a: usize, b: usize| dot(&rows[a], &rows[b]).abs() <= MAX_SKEW * longest * longest;
-    let is_rotation = longest > 0.0 && longest.is_finite() && even && square(0, 1) && square(0, 2) && square(1, 2);
+    // The third row lies along the cross product of the others, not against it.
+    let [[a, b, c, _], [d, e, f, _]] = [rows[0], rows[1]];
+    let is_right_handed = dot(&[b * f - c * e, c * d - a * f, a * e - b * d, 0.0], &rows[2]) > 0.0;
+    let is_square = square(0, 1) && square(0, 2) && square(1, 2);
+    let is_rotation = longest > 0.0 && longest.is_finite() && even && is_square && is_right_handed;
     is_rotation.then(|| [rows[0][3], rows[1][3], rows[2][3]])
 }
 

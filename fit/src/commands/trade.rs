@@ -179,7 +179,7 @@ fn params(args: &TradeArgs) -> TradeParams {
             .as_ref()
             .map_or(base.roles.clone(), |roles| roles.iter().map(|name| Role::from(*name)).collect()),
         gpu: match args.gpu.as_deref() {
-            None => GpuChoice::Best,
+            None | Some("auto") => GpuChoice::Best,
             Some("none" | "off") => GpuChoice::Off,
             Some(name) => GpuChoice::Named(name.to_string()),
         },

@@ -148,7 +148,9 @@ impl GpuDevice {
 
     /// Waits for everything that was submitted; `false` after an error.
     pub fn wait(&self) -> bool {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).is_ok()
+        // A device that is lost makes wgpu panic.
+        let wait = || self.device.poll(wgpu::PollType::wait_indefinitely()).is_ok();
+        std::panic::catch_unwind(std::panic::AssertUnwindSafe(wait)).unwrap_or(false)
     }
 
     /// Returns the numbers in the first `bytes` of a buffer; `None` after an error of the driver.

@@ -11,10 +11,10 @@ pub const BATCH_BYTES: u64 = 256_000_000;
 /// Share of the CPU's time that an adapter may take at most to be chosen.
 pub(crate) const MAX_SHARE: f64 = 0.95;
 
-/// An adapter that a fit may multiply on.
+/// An adapter that a fit may compute on.
 pub(crate) struct FitGpu {
     products: GpuProducts,
-    /// Whether the adapter was asked for by its name: then it multiplies whatever its speed.
+    /// Whether the adapter was asked for by its name: then it computes whatever its speed.
     named: bool,
     quicker: OnceLock<bool>,
     /// Bytes of rows that are multiplied together.
@@ -23,8 +23,10 @@ pub(crate) struct FitGpu {
     finished: AtomicUsize,
     /// Whether the adapter had no room, failed, or gave what is no number: then the CPU goes on.
     failed: AtomicBool,
-    /// Whether the adapter measured the error of an asset, or why it did not.
-    measured: OnceLock<Result<(), &'static str>>,
+    /// Batches of pairs whose error the adapter measured.
+    measured: AtomicUsize,
+    /// Why it did not measure others.
+    refused: OnceLock<&'static str>,
 }
 
 impl FitGpu {
@@ -46,7 +48,16 @@ impl FitGpu {
     /// Returns `products` as the adapter of a fit that multiplies `batch_bytes` of rows together.
     pub fn new(products: GpuProducts, named: bool, batch_bytes: u64) -> FitGpu {
         let (finished, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
-        FitGpu { products, named, quicker: OnceLock::new(), batch_bytes, finished, failed, measured: OnceLock::new() }
+        FitGpu {
+            products,
+            named,
+            quicker: OnceLock::new(),
+            batch_bytes,
+            finished,
+            failed,
+            measured: AtomicUsize::new(0),
+            refused: OnceLock::new(),
+        }
     }
 
     /// Tells what the adapter did; `None` where it was not asked.
@@ -61,10 +72,12 @@ impl FitGpu {
             (0, _) => None,
             _ => Some(format!("matrices were multiplied on {name}")),
         };
-        let error = self.measured.get().map(|measured| match measured {
-            Ok(()) => format!("the error was measured on {name}"),
-            Err(because) => format!("the CPU measured the error: {name} {because}"),
-        });
+        let error = match (self.measured.load(Ordering::Relaxed), self.refused.get()) {
+            (0, None) => None,
+            (_, None) => Some(format!("the error was measured on {name}")),
+            (0, Some(because)) => Some(format!("the CPU measured the error: {name} {because}")),
+            (_, Some(because)) => Some(format!("the error was measured on {name} in part: it {because}")),
+        };
         let sentences: Vec<String> = products.into_iter().chain(error).collect();
         (!sentences.is_empty()).then(|| sentences.join("; "))
     }
@@ -110,9 +123,19 @@ impl FitGpu {
         self.finished.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Notes whether the adapter measured the error of an asset; `because` says why it did not.
-    pub fn note_measured(&self, because: Result<(), &'static str>) {
-        let _ = self.measured.set(because);
+    /// Returns whether a product failed.
+    pub fn has_failed(&self) -> bool {
+        self.failed.load(Ordering::Relaxed)
+    }
+
+    /// Notes that the adapter measured the error of a batch of pairs.
+    pub fn note_measured(&self) {
+        self.measured.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Notes that the adapter does not measure errors, with a verb phrase that says why; the first one counts.
+    pub fn note_refused(&self, because: &'static str) {
+        let _ = self.refused.set(because);
     }
 
     /// Notes where a step of a product has failed.

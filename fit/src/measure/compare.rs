@@ -10,6 +10,7 @@ use crate::input::layer_frame::{side_of_layer, sides_of_capture, turn_image, tur
 use crate::input::pair_stride::stride_over_pairs;
 use crate::input::tone_curve::ToneCurve;
 use crate::measure::batch_errors::BatchErrors;
+use crate::measure::batch_sizes::BatchSizes;
 use crate::measure::gpu_errors::MAX_PAIRS;
 use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::measure::tile_errors::{Coding, PairWork, TiledImage};
@@ -270,8 +271,15 @@ pub(crate) fn measure_decoder(
     let texel_stride = (texels * pairs.len().div_ceil(stride.max(1)) / COLOURS).max(1);
 
     // A linear image is held in single precision.
-    let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MAX_PAIRS);
-    let mut errors = BatchErrors::new(decoder, &coding, [lights, info.pair_count(), batch], gpu);
+    let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MAX_PAIRS).min(pairs.len().max(1));
+    let sizes = BatchSizes {
+        lights,
+        pairs: info.pair_count(),
+        measured: pairs.len(),
+        batch,
+        memory_bytes: params.memory_bytes / 4,
+    };
+    let mut errors = BatchErrors::new(decoder, &coding, sizes, gpu);
     for (done, batch_pairs) in pairs.chunks(batch).enumerate() {
         monitor.report("measure", done * batch, pairs.len())?;
         let work: Vec<PairWork> = batch_pairs

@@ -2,6 +2,7 @@
 //! tile_errors.rs.
 
 use crate::gpu::device::{GpuDevice, Readback};
+use crate::measure::batch_sizes::BatchSizes;
 use crate::measure::image_decoder::{ImageDecoder, PlainImage};
 use crate::measure::texel_tiles::TILE_TEXELS;
 use crate::measure::tile_errors::{Coding, PairWork, TileErrors, TiledImage};
@@ -28,13 +29,22 @@ pub(crate) struct GpuErrors<'a> {
     pipeline: wgpu::ComputePipeline,
     group: wgpu::BindGroup,
     buffers: Buffers,
+    layer: LayerSizes,
+}
+
+/// What the shader must know of a layer.
+struct LayerSizes {
     tiles: usize,
     /// Quads of bases.
     quads: usize,
     clusters: usize,
+    /// Lobes of all clusters.
     lobes: usize,
-    /// Bits of the curve, its epsilon, and whether lobes are added.
-    curve: [u32; 3],
+    /// Number of the residual's curve.
+    kind: u32,
+    epsilon: f32,
+    /// Whether lobes are part of the value.
+    adds_lobes: bool,
 }
 
 /// Buffers that are written for each batch, and the one that the shader writes.
@@ -49,56 +59,57 @@ struct Buffers {
 /// A batch that an adapter is measuring.
 pub(crate) struct Pending {
     readback: Readback,
+    /// Whether the driver took everything.
+    is_sound: bool,
 }
 
 impl<'a> GpuErrors<'a> {
-    /// Copies the texels of `decoder`'s layer to `gpu`; `None` where it has no room for them or fails.
+    /// Copies the texels of `decoder`'s layer to `gpu`.
+    ///
+    /// # Errors
+    /// A verb phrase that says why not: no room, or a driver that refuses.
     pub fn new(
         gpu: &'a GpuDevice,
         decoder: &ImageDecoder,
         coding: &Coding,
-        lights: usize,
-        most_pairs: usize,
-    ) -> Option<GpuErrors<'a>> {
-        let (mut heads, mut codes, mut slots) = (Vec::new(), Vec::new(), Vec::new());
-        for tile in decoder.tiles() {
-            let first = slots.len() / TILE_TEXELS;
-            let count = tile.push_slots(decoder.first_lobe(tile.cluster) as u32, &mut slots);
-            tile.push_quads(&mut codes);
-            heads.push([tile.cluster, tile.texels.len(), first, count].map(|number| number as u32));
-        }
-        let tables: Vec<f32> = (0..lights).flat_map(|light| coding.light_table(light)).collect();
+        sizes: BatchSizes,
+    ) -> Result<GpuErrors<'a>, &'static str> {
+        const NO_ROOM: &str = "has no room for it";
         let [clusters, lobes, words] = decoder.counts();
-        let (tiles, quads) = (heads.len(), words.div_ceil(2));
         let layer = decoder.layer();
-        let adds = layer.lobe_role != LobeRole::Guide;
-        let curve = [layer.residual_kind as u32, layer.epsilon.to_bits(), u32::from(adds)];
-
+        let layer = LayerSizes {
+            tiles: decoder.tiles().len(),
+            quads: words.div_ceil(2),
+            clusters,
+            lobes,
+            kind: layer.residual_kind as u32,
+            epsilon: layer.epsilon,
+            adds_lobes: layer.lobe_role != LobeRole::Guide,
+        };
+        let texels = (layer.tiles * TILE_TEXELS) as u64;
+        let slot_count: usize = decoder.tiles().iter().map(|tile| tile.slot_count()).sum();
+        let pairs = sizes.batch.next_multiple_of(PAIRS_AT_ONCE) as u64;
+        let bytes_of_texels = [4 * texels * layer.quads as u64, 16 * (slot_count * TILE_TEXELS) as u64];
+        let of_pairs = 4 * ((MAX_PAIRS * HEADER) as u64 + pairs * lobes as u64);
+        let of_rows = 4 * pairs * (clusters * layer.quads * 12) as u64;
+        let (of_images, of_found) = (3 * pairs * texels, 4 * texels * (SUMS as u64 + 1 + pairs));
+        let all = [bytes_of_texels[0], bytes_of_texels[1], of_pairs, of_rows, of_images, of_found];
+        if all.iter().any(|bytes| *bytes > gpu.largest_buffer()) || all.iter().sum::<u64>() > sizes.memory_bytes {
+            return Err(NO_ROOM);
+        }
         let wgsl: String = WGSL.iter().filter(|(name, _)| *name == "residual.wgsl").map(|(_, text)| *text).collect();
         let pipeline = gpu.pipeline("errors", &(wgsl + include_str!("gpu_errors.wgsl")), "errors", &[]);
-        let fits = |bytes: u64| (bytes <= gpu.largest_buffer()).then_some(bytes);
-        let stored = |bytes: &[u8]| {
-            let buffer = gpu.buffer(fits(bytes.len() as u64)?, BufferUsages::STORAGE);
-            gpu.queue.write_buffer(&buffer, 0, bytes);
-            Some(buffer)
-        };
-        let pair_count = most_pairs.next_multiple_of(PAIRS_AT_ONCE) as u64;
-        let numbers =
-            |numbers: u64| Some(gpu.buffer(fits(4 * numbers)?, BufferUsages::STORAGE | BufferUsages::COPY_SRC));
-        let texels = (tiles * TILE_TEXELS) as u64;
+        if gpu.fault().is_some() {
+            return Err("refuses the shader that measures");
+        }
+        let fixed = fixed_buffers(gpu, decoder, coding, sizes.lights);
         let buffers = Buffers {
             batch: gpu.buffer(32, BufferUsages::UNIFORM),
-            pairs: numbers((MAX_PAIRS * HEADER) as u64 + pair_count * lobes as u64)?,
-            rows: numbers(pair_count * (clusters * quads * 12) as u64)?,
-            images: numbers(pair_count * texels / 4 * 3)?,
-            found: numbers(texels * (SUMS as u64 + 1 + pair_count))?,
+            pairs: gpu.buffer(of_pairs, BufferUsages::STORAGE),
+            rows: gpu.buffer(of_rows, BufferUsages::STORAGE),
+            images: gpu.buffer(of_images, BufferUsages::STORAGE),
+            found: gpu.buffer(of_found, BufferUsages::STORAGE | BufferUsages::COPY_SRC),
         };
-        let fixed = [
-            stored(bytemuck::cast_slice(&heads))?,
-            stored(bytemuck::cast_slice(&codes))?,
-            stored(bytemuck::cast_slice(&slots))?,
-            stored(bytemuck::cast_slice(&tables))?,
-        ];
         let bound = [&buffers.batch].into_iter().chain(&fixed).chain([
             &buffers.pairs,
             &buffers.rows,
@@ -118,7 +129,7 @@ impl<'a> GpuErrors<'a> {
             entries: &entries,
         });
         let sound = gpu.fault().is_none();
-        sound.then_some(GpuErrors { gpu, pipeline, group, buffers, tiles, quads, clusters, lobes, curve })
+        sound.then_some(GpuErrors { gpu, pipeline, group, buffers, layer }).ok_or(NO_ROOM)
     }
 
     /// Returns whether the adapter can measure `batch`: plain sums, and images of 8-bit values.
@@ -127,12 +138,15 @@ impl<'a> GpuErrors<'a> {
         batch.len() <= MAX_PAIRS && batch.iter().all(is_plain)
     }
 
-    /// Begins to measure `batch`, which [`GpuErrors::takes`] and which has no more pairs than [`GpuErrors::new`] was told of.
+    /// Begins to measure `batch`, which [`GpuErrors::takes`] and which has no more pairs than [`BatchSizes::batch`].
     pub fn submit(&self, batch: &[PairWork]) -> Pending {
-        let GpuErrors { gpu, buffers, tiles, quads, clusters, lobes, curve: [kind, epsilon, adds], .. } = self;
-        let size = [*tiles, batch.len(), *quads, *clusters, *lobes].map(|number| number as u32);
-        let size = [size[0], size[1], size[2], size[3], size[4], *kind, *epsilon, *adds];
-        gpu.queue.write_buffer(&buffers.batch, 0, bytemuck::cast_slice(&size));
+        let GpuErrors { gpu, buffers, layer, .. } = self;
+        let LayerSizes { tiles, quads, clusters, lobes, kind, epsilon, adds_lobes } = *layer;
+        let [of_tiles, of_pairs, of_quads, of_clusters, of_lobes] =
+            [tiles, batch.len(), quads, clusters, lobes].map(|number| number as u32);
+        let uniform =
+            [of_tiles, of_pairs, of_quads, of_clusters, of_lobes, kind, epsilon.to_bits(), u32::from(adds_lobes)];
+        gpu.queue.write_buffer(&buffers.batch, 0, bytemuck::cast_slice(&uniform));
         let mut heads = vec![0u32; MAX_PAIRS * HEADER];
         let mut wanted = 0;
         for (work, head) in batch.iter().zip(heads.chunks_mut(HEADER)) {
@@ -162,18 +176,18 @@ impl<'a> GpuErrors<'a> {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.group, &[]);
-        pass.dispatch_workgroups((*tiles).min(ROW) as u32, tiles.div_ceil(ROW) as u32, 1);
+        pass.dispatch_workgroups(tiles.min(ROW) as u32, tiles.div_ceil(ROW) as u32, 1);
         drop(pass);
         let words = tiles * (TILE_TEXELS * (SUMS + wanted as usize) + MAX_PAIRS);
         let readback = gpu.read_back(&mut encoder, &buffers.found, 4 * words as u64);
         gpu.queue.submit([encoder.finish()]);
-        Pending { readback }
+        Pending { readback, is_sound: gpu.fault().is_none() }
     }
 
     /// Returns the rows of a pair as `[cluster, quad, channel, basis]`.
     fn rows_by_quad(&self, plain: &PlainImage) -> Vec<f32> {
-        let words = plain.rows.len() / self.clusters.max(1);
-        let mut rows = Vec::with_capacity(self.clusters * self.quads * 12);
+        let words = plain.rows.len() / self.layer.clusters.max(1);
+        let mut rows = Vec::with_capacity(self.layer.clusters * self.layer.quads * 12);
         for cluster in plain.rows.chunks(words.max(1)) {
             for quad in cluster.chunks(2) {
                 let at = |word: usize, c: usize| quad.get(word).map_or([0.0; 2], |row| row[c]);
@@ -193,13 +207,12 @@ impl<'a> GpuErrors<'a> {
         coding: &Coding,
         errors: &mut [TileErrors],
     ) -> Option<Vec<u64>> {
-        let found: Vec<u32> = pending.readback.numbers(self.gpu)?;
-        if self.gpu.fault().is_some() {
-            return None;
-        }
-        let row = self.tiles * TILE_TEXELS;
+        let found: Option<Vec<u32>> = pending.readback.numbers(self.gpu);
+        let is_sound = self.gpu.fault().is_none() && pending.is_sound;
+        let found = found.filter(|_| is_sound)?;
+        let row = self.layer.tiles * TILE_TEXELS;
         let (sums, rest) = found.split_at_checked(SUMS * row)?;
-        let (of_pairs, colours) = rest.split_at_checked(self.tiles * MAX_PAIRS)?;
+        let (of_pairs, colours) = rest.split_at_checked(self.layer.tiles * MAX_PAIRS)?;
         if sums[row..].iter().any(|bits| !f32::from_bits(*bits).is_finite()) {
             return None;
         }
@@ -218,4 +231,33 @@ impl<'a> GpuErrors<'a> {
         let of_pair = |pair: usize| of_pairs.chunks(MAX_PAIRS).map(|tile| u64::from(tile[pair])).sum();
         Some((0..batch.len()).map(of_pair).collect())
     }
+
+    /// Makes every later batch fail, as a driver does that lost its memory.
+    #[cfg(test)]
+    pub fn break_for_test(&self) {
+        self.buffers.found.destroy();
+    }
+}
+
+/// Copies what all batches share to `gpu`: tiles, codes, lobes of the texels, and tables of the lights.
+fn fixed_buffers(gpu: &GpuDevice, decoder: &ImageDecoder, coding: &Coding, lights: usize) -> [wgpu::Buffer; 4] {
+    let (mut heads, mut codes, mut slots) = (Vec::new(), Vec::new(), Vec::new());
+    for tile in decoder.tiles() {
+        let first = slots.len() / TILE_TEXELS;
+        heads.push([tile.cluster, tile.texels.len(), first, tile.slot_count()].map(|number| number as u32));
+        tile.push_slots(decoder.first_lobe(tile.cluster) as u32, &mut slots);
+        tile.push_quads(&mut codes);
+    }
+    let tables: Vec<f32> = (0..lights).flat_map(|light| coding.light_table(light)).collect();
+    let stored = |bytes: &[u8]| {
+        let buffer = gpu.buffer(bytes.len() as u64, BufferUsages::STORAGE);
+        gpu.queue.write_buffer(&buffer, 0, bytes);
+        buffer
+    };
+    [
+        stored(bytemuck::cast_slice(&heads)),
+        stored(bytemuck::cast_slice(&codes)),
+        stored(bytemuck::cast_slice(&slots)),
+        stored(bytemuck::cast_slice(&tables)),
+    ]
 }

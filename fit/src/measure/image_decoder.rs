@@ -93,6 +93,23 @@ pub struct PairPlan {
 impl PairPlan {
     /// Plan of a black image, which every other plan starts from.
     const NOTHING: PairPlan = PairPlan { taps: Vec::new(), here: None, fade: 1.0, image: None };
+
+    /// Returns the image as a plain sum; `None` where directions are interpolated by the exact rule or with heights, and for a
+    /// black image.
+    pub(crate) fn plain(&self) -> Option<PlainImage<'_>> {
+        match (&self.taps[..], &self.here, &self.image) {
+            ([Tap { values, rows, .. }], None, None) => Some(PlainImage { values, rows, fade: self.fade }),
+            _ => None,
+        }
+    }
+
+    /// Multiplies what was decoded by the factor towards the horizon.
+    #[inline(always)]
+    fn apply_fade(&self, out: &mut TileRgb) {
+        if self.fade != 1.0 {
+            out.as_flattened_mut().iter_mut().for_each(|x| *x *= self.fade);
+        }
+    }
 }
 
 /// What an image consists of that is a sum of a cluster's lobes and bases.
@@ -103,17 +120,6 @@ pub(crate) struct PlainImage<'a> {
     pub rows: &'a [RowWord],
     /// Factor of everything.
     pub fade: f32,
-}
-
-impl PairPlan {
-    /// Returns the image as a plain sum; `None` where directions are interpolated by the exact rule or with heights, and for a
-    /// black image.
-    pub(crate) fn plain(&self) -> Option<PlainImage<'_>> {
-        match (&self.taps[..], &self.here, &self.image) {
-            ([Tap { values, rows, .. }], None, None) => Some(PlainImage { values, rows, fade: self.fade }),
-            _ => None,
-        }
-    }
 }
 
 struct Tap {
@@ -426,9 +432,7 @@ impl<'a> ImageDecoder<'a> {
             (None, Some(tap)) => self.combine(simd, tile, weights, tap, out),
             (Some(here), _) => self.decode_exact(simd, tile, weights, here, &plan.taps, out),
         }
-        if plan.fade != 1.0 {
-            out.as_flattened_mut().iter_mut().for_each(|x| *x *= plan.fade);
-        }
+        plan.apply_fade(out);
     }
 
     /// Decodes a whole image at `plan`'s pair, `[texel, channel]`: every tile through [`ImageDecoder::decode_tile`].
@@ -503,9 +507,7 @@ impl<'a> ImageDecoder<'a> {
         weights.residual_sums_of_two(simd, taps.map(|tap| &tap.rows[rows.clone()]), &mut residuals);
         for i in 0..2 {
             self.add_lobes(tile, taps[i], &residuals[i], &mut out[i]);
-            if plans[i].fade != 1.0 {
-                out[i].as_flattened_mut().iter_mut().for_each(|x| *x *= plans[i].fade);
-            }
+            plans[i].apply_fade(&mut out[i]);
         }
     }
 

@@ -1,6 +1,7 @@
 //! Error of a decoded asset against its capture.
 
 pub(crate) mod batch_errors;
+pub(crate) mod batch_sizes;
 pub(crate) mod compare;
 pub(crate) mod expand;
 pub(crate) mod gpu_errors;

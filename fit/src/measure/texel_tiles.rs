@@ -94,6 +94,11 @@ fn codes(layer: &Layer, bases: usize, texels: &[u32]) -> Vec<[i8; TILE_TEXELS]> 
 }
 
 impl TexelTile {
+    /// Returns the number of lobes of the texel that has the most.
+    pub fn slot_count(&self) -> usize {
+        self.slots.len()
+    }
+
     /// Tells whether any texel has a lobe.
     pub fn has_lobes(&self) -> bool {
         !self.slots.is_empty()
@@ -116,15 +121,14 @@ impl TexelTile {
     }
 
     /// Appends the tile's lobes, `[slot, texel]`: each the number of the lobe, from `first` on, and the bits of the weights of
-    /// red, green and blue. Returns the number of slots.
-    pub fn push_slots(&self, first: u32, slots: &mut Vec<[u32; 4]>) -> usize {
+    /// red, green and blue.
+    pub fn push_slots(&self, first: u32, slots: &mut Vec<[u32; 4]>) {
         for slot in &self.slots {
             let weight = |c: usize, texel: usize| slot.weights[c][texel].to_bits();
             let entry =
                 |texel| [first + u32::from(slot.lobes[texel]), weight(0, texel), weight(1, texel), weight(2, texel)];
             slots.extend((0..TILE_TEXELS).map(entry));
         }
-        self.slots.len()
     }
 
     /// Sums the lobes of every texel into `sums`; `values` are those of the cluster's dictionary at one pair.

@@ -15,6 +15,8 @@ pub type TileCodes = [[u8; TILE_TEXELS]; 3];
 /// Conversion of samples to 8-bit values and back, and the colours of those values.
 pub struct Coding {
     tone_curve: Option<ToneCurve>,
+    /// Whether the files hold 8-bit values.
+    is_encoded: bool,
     encoder: Encoder8,
     /// Per light.
     tables: Vec<[f32; 256]>,
@@ -25,12 +27,14 @@ impl Coding {
     /// Returns the coding of the files of `info`. Linear images have no 8-bit values of their own and get those of a
     /// PNG of the same capture or, with a tone curve, of what that makes of them.
     pub fn new(info: &CaptureInfo, tone_curve: Option<ToneCurve>) -> Coding {
+        let is_encoded = info.format != ImageFormat::Exr;
         let mut info = if info.format == ImageFormat::Exr { info.in_format(ImageFormat::Png) } else { info.clone() };
         if tone_curve.is_some() {
             (info.scale, info.cosine) = (1.0, Cosine::Included);
         }
         Coding {
             tone_curve,
+            is_encoded,
             encoder: Encoder8::new(&info),
             tables: (0..info.lights.len()).map(|light| info.linear_from_encoded8(light)).collect(),
             lab: LabConverter::new(info.transfer),
@@ -48,9 +52,9 @@ impl Coding {
         self.encoder.encode_slice(light, shown.as_flattened(), codes.as_flattened_mut());
     }
 
-    /// Returns whether values are coded without a tone curve.
-    pub fn is_plain(&self) -> bool {
-        self.tone_curve.is_none()
+    /// Returns whether the files hold 8-bit values, which no tone curve changes.
+    pub fn is_of_codes(&self) -> bool {
+        self.is_encoded && self.tone_curve.is_none()
     }
 
     /// Returns for a light the linear value of each 8-bit value, then the smallest linear value above each but the last, and

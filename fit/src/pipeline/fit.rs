@@ -5,12 +5,13 @@ use crate::gpu::fit_gpu::FitGpu;
 use crate::input::tile_cache::DecodedImages;
 use crate::monitor::Monitor;
 use crate::params::{Goal, ValidFitParams};
+use crate::pipeline::adapter::FitAdapter;
 use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::choose_relief::choose_relief;
 use crate::pipeline::description::byte_budget;
 use crate::pipeline::match_energy::with_matched_energy;
 use crate::pipeline::outcome::FitOutcome;
-use crate::pipeline::prepare::{PreparedFit, check_layers, opened_gpu, remark_on_gpu};
+use crate::pipeline::prepare::{PreparedFit, check_layers};
 use crate::pipeline::search::StepSearch;
 use crate::resume::checkpoint::Checkpoint;
 use crate::resume::stored::stored_structs;
@@ -36,24 +37,24 @@ pub fn fit(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> 
     let params = &with_chosen_error(captures, params)?;
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
     check_layers(captures)?;
-    let gpu = opened_gpu(captures, params, monitor)?;
-    let outcome = fit_from(captures, params, &checkpoint, gpu.as_ref(), monitor)?.0;
-    remark_on_gpu(gpu.as_ref(), monitor);
+    let adapter = FitAdapter::new(captures, params, monitor);
+    let outcome = fit_from(captures, params, &checkpoint, &adapter, monitor)?.0;
+    adapter.tell();
     Ok(outcome)
 }
 
-/// Runs [`fit()`] from the finished stages in `checkpoint`, on `gpu` where that is quicker. Also returns the decoded images when
+/// Runs [`fit()`] from the finished stages in `checkpoint`, on `adapter` where that is quicker. Also returns the decoded images when
 /// there is one capture and it was read. [`check_layers`] must have passed.
 pub(crate) fn fit_from(
     captures: &[Capture],
     params: &ValidFitParams,
     checkpoint: &Checkpoint,
-    gpu: Option<&FitGpu>,
+    adapter: &FitAdapter,
     monitor: &Monitor,
 ) -> Result<(FitOutcome, Option<DecodedImages>), FitError> {
     let mut images = None;
     let encoded = checkpoint.whole().load_or("encode", || {
-        let (encoded, decoded) = prepare_and_encode(captures, params, checkpoint, gpu, monitor)?;
+        let (encoded, decoded) = prepare_and_encode(captures, params, checkpoint, adapter.gpu()?, monitor)?;
         images = decoded;
         Ok(encoded)
     })?;

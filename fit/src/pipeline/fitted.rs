@@ -10,10 +10,11 @@ use crate::measure::compare::{Comparison, MeasureParams, measure_images_on};
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
 use crate::params::{ErrorMeasure, ValidFitParams};
+use crate::pipeline::adapter::FitAdapter;
 use crate::pipeline::choose_error::with_chosen_error;
 use crate::pipeline::fit::fit_from;
 use crate::pipeline::outcome::FitOutcome;
-use crate::pipeline::prepare::{check_layers, opened_gpu, remark_on_gpu};
+use crate::pipeline::prepare::check_layers;
 use crate::provenance::{FitRecord, Material};
 use crate::resume::checkpoint::Checkpoint;
 #[cfg(doc)]
@@ -52,7 +53,7 @@ pub struct Fitted {
 /// again with its description and error figures.
 ///
 /// Deterministic: equal captures, parameters and seed give equal bytes on any number of threads, unless an adapter may
-/// multiply ([`crate::FitParams::gpu`]), also where a run goes
+/// compute ([`crate::FitParams::gpu`]), also where a run goes
 /// on from the stages that `params` tells to keep: [`remove_finished_stages`] once the asset is written.
 ///
 /// # Errors
@@ -61,19 +62,20 @@ pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &
     let params = &with_chosen_error(captures, params)?;
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
     check_layers(captures)?;
-    let gpu = opened_gpu(captures, params, monitor)?;
-    let (outcome, images) = fit_from(captures, params, &checkpoint, gpu.as_ref(), monitor)?;
+    let adapter = FitAdapter::new(captures, params, monitor);
+    let (outcome, images) = fit_from(captures, params, &checkpoint, &adapter, monitor)?;
     let FitOutcome { mut asset, lobe_use, lobes, components, clusters, left_out, .. } = outcome;
     let resident = resident_in_parallel(&asset);
     let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
+        let gpu = adapter.gpu()?;
         let comparisons = captures.iter().enumerate().map(|(layer, capture)| {
             let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes(), ..MeasureParams::default() };
             let read = read_images(capture, images.as_ref());
-            measure_images_on(gpu.as_ref(), capture.info(), &read, &asset, &resident, &measuring, monitor)
+            measure_images_on(gpu, capture.info(), &read, &asset, &resident, &measuring, monitor)
         });
         comparisons.collect()
     })?;
-    remark_on_gpu(gpu.as_ref(), monitor);
+    adapter.tell();
     drop(images);
     let mut sums = ErrorSums::default();
     for comparison in &comparisons {
@@ -179,6 +181,7 @@ mod tests {
         assert!((on_gpu - on_cpu).abs() < 0.02, "{on_gpu} {on_cpu}");
         let told = remarks.lock().unwrap().join("; ");
         assert!(told.contains("matrices were multiplied") && told.contains(&name), "{told}");
+        assert!(told.contains(&format!("the error was measured on {name}")), "{told}");
         // As few operations as here are never worth an adapter that nobody named.
         remarks.lock().unwrap().clear();
         assert_eq!(fitted(GpuChoice::Best), on_cpu);

@@ -1,5 +1,6 @@
 //! The stages strung together: memory plan, both recipes, search for a size or an error, forecast of the time.
 
+pub(crate) mod adapter;
 pub(crate) mod assemble;
 pub(crate) mod choose_error;
 pub(crate) mod choose_relief;

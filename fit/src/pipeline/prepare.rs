@@ -1,14 +1,14 @@
 //! A fit up to the choice of its step: what `fit` searches in and `trade` sweeps over.
 
 use crate::error::FitError;
-use crate::gpu::device::GpuChoice;
 use crate::gpu::fit_gpu::FitGpu;
 use crate::input::tile_cache::{DecodedImages, TileCache};
 use crate::monitor::Monitor;
 use crate::params::ValidFitParams;
+use crate::pipeline::adapter::FitAdapter;
 use crate::pipeline::assemble::{assemble, greatest_coefficient};
 use crate::pipeline::choose_error::with_chosen_error;
-use crate::pipeline::memory_plan::{MemoryPlan, Surroundings, plan_memory, shared_bases};
+use crate::pipeline::memory_plan::{MemoryPlan, Surroundings, plan_memory};
 use crate::pipeline::prepare_layer::{PreparedLayer, prepare_layer};
 use crate::resume::checkpoint::Checkpoint;
 use crate::stages::encode::Coding;
@@ -45,47 +45,6 @@ fn remark_on(capture: &Capture, monitor: &Monitor) {
     }
 }
 
-/// Operations of a fit's products from which on an adapter is opened: below, opening it takes longer than they do.
-const MIN_GPU_OPERATIONS: f64 = 2e11;
-
-/// Opens the adapter that is asked for; with a remark where there is none.
-///
-/// # Errors
-/// A named adapter that does not exist.
-pub(crate) fn opened_gpu(
-    captures: &[Capture],
-    params: &ValidFitParams,
-    monitor: &Monitor,
-) -> Result<Option<FitGpu>, FitError> {
-    let operations: f64 = captures
-        .iter()
-        .map(|capture| {
-            let info = capture.info();
-            let samples = 3 * info.pair_count();
-            2.0 * info.texel_count() as f64 * (samples * shared_bases(params, info.texel_count())) as f64
-        })
-        .sum();
-    match params.gpu() {
-        GpuChoice::Off => return Ok(None),
-        GpuChoice::Best if operations < MIN_GPU_OPERATIONS => return Ok(None),
-        _ => {}
-    }
-    Ok(match FitGpu::open(params.gpu())? {
-        Ok(gpu) => Some(gpu),
-        Err(reason) => {
-            monitor.remark(&format!("the fit is computed on the CPU: {reason}"));
-            None
-        }
-    })
-}
-
-/// Tells what an adapter did.
-pub(crate) fn remark_on_gpu(gpu: Option<&FitGpu>, monitor: &Monitor) {
-    if let Some(sentence) = gpu.and_then(FitGpu::in_words) {
-        monitor.remark(&sentence);
-    }
-}
-
 impl PreparedFit {
     /// Runs every stage but the last. Memory: at most `params.memory_bytes()`; four bytes per texel and shared basis
     /// stay.
@@ -96,9 +55,9 @@ impl PreparedFit {
         check_layers(captures)?;
         let params = &with_chosen_error(captures, params)?;
         let checkpoint = Checkpoint::open(captures, params, monitor)?;
-        let gpu = opened_gpu(captures, params, monitor)?;
-        let prepared = PreparedFit::prepare_from(captures, params, &checkpoint, gpu.as_ref(), monitor)?;
-        remark_on_gpu(gpu.as_ref(), monitor);
+        let adapter = FitAdapter::new(captures, params, monitor);
+        let prepared = PreparedFit::prepare_from(captures, params, &checkpoint, adapter.gpu()?, monitor)?;
+        adapter.tell();
         Ok(prepared)
     }
 

@@ -132,13 +132,16 @@ fn projected_on_gpu(
 
 /// Returns the sum of all squares.
 fn squares_of(rows: &Array2<f32>) -> f64 {
-    rows.rows().into_iter().map(|row| square_of(row.as_slice().unwrap_or_default())).sum()
+    match rows.as_slice() {
+        Some(all) => square_of(all),
+        None => rows.iter().map(|x| f64::from(*x) * f64::from(*x)).sum(),
+    }
 }
 
-/// Returns the sum of squares in eight sums beside each other, so that none waits for the one before.
-fn square_of(row: &[f32]) -> f64 {
+/// Returns the sum of squares, in eight sums beside each other, so that none waits for the one before.
+fn square_of(values: &[f32]) -> f64 {
     let mut sums = [0.0f64; 8];
-    let (eights, rest) = row.as_chunks::<8>();
+    let (eights, rest) = values.as_chunks::<8>();
     for eight in eights {
         for (sum, x) in sums.iter_mut().zip(eight) {
             *sum += f64::from(*x) * f64::from(*x);

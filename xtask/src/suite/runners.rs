@@ -24,7 +24,7 @@ const DEPENDENT: [&str; 11] = [
     "window",
 ];
 /// The unit tests that use a GPU: parts of their paths.
-const GPU_UNIT_TESTS: [&str; 7] = [
+const GPU_UNIT_TESTS: [&str; 8] = [
     "gpu_clock::",
     "gpu::product::tests",
     "gpu::row_stream::tests",
@@ -32,6 +32,7 @@ const GPU_UNIT_TESTS: [&str; 7] = [
     "a_fit_on_an_adapter",
     "an_adapter_finds_the_errors",
     "images_of_linear_values_are_measured",
+    "every_batch_is_counted_once",
 ];
 
 /// The result of a test run.

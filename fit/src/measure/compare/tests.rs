@@ -3,9 +3,9 @@
 use super::*;
 use crate::gpu::speed::open_for_test;
 use crate::sample_asset::{number, sample_asset_with};
-use btf_capture::{CaptureWriter, DirectionSet, ImageFormat, Transfer};
+use btf_capture::{CaptureWriter, Direction, DirectionSet, ImageFormat, Transfer};
 use btf_capture::{LabConverter, delta_e00};
-use btf_runtime::{ResidualKind, decode, pack};
+use btf_runtime::{Coefficients, LobeRole, Residual, ResidualKind, decode, pack};
 use std::path::Path;
 
 const WIDTH: usize = 41;
@@ -216,6 +216,7 @@ fn the_colour_stride_meets_every_light() {
 
 #[test]
 fn an_adapter_finds_the_errors_that_the_cpu_finds() {
+    const NO_RESIDUAL: u32 = 99;
     let test = "an_adapter_finds_the_errors_that_the_cpu_finds";
     let Some(products) = open_for_test(test) else { return };
     let gpu = FitGpu::new(products, true, 4096);
@@ -224,17 +225,26 @@ fn an_adapter_finds_the_errors_that_the_cpu_finds() {
     let capture = capture(&folder.path().join("png"), ImageFormat::Png, &views, &lights);
     let (info, monitor) = (capture.info(), Monitor::default());
     let read = |view, light| Ok(capture.read(view, light)?);
-    // Batches of three pairs: no multiple of the pairs that share what is read.
-    let memory_bytes = (8 * 3 * 12 * WIDTH * HEIGHT) as u64;
-    // Every curve and role, with lobes and without, with bases and without.
-    for (kind, components, lobes) in [
-        (ResidualKind::Root, u32::MAX, u32::MAX),
-        (ResidualKind::Root, 2, 1),
-        (ResidualKind::Log, u32::MAX, u32::MAX),
-        (ResidualKind::Additive, 4, 0),
-        (ResidualKind::Root, 0, u32::MAX),
+    // Batches of seven pairs: more than the four that share what is read, and no multiple of them.
+    let memory_bytes = (8 * 7 * 12 * WIDTH * HEIGHT) as u64;
+    // Every curve and role, with lobes and without, with many bases, one and none.
+    for (kind, role, components, lobes) in [
+        (ResidualKind::Root, LobeRole::Base, u32::MAX, u32::MAX),
+        (ResidualKind::Root, LobeRole::Guide, u32::MAX, u32::MAX),
+        (ResidualKind::Root, LobeRole::Base, 2, 1),
+        (ResidualKind::Log, LobeRole::Base, u32::MAX, u32::MAX),
+        (ResidualKind::Additive, LobeRole::Base, 4, 0),
+        (ResidualKind::Root, LobeRole::Base, 0, u32::MAX),
+        (ResidualKind::Root, LobeRole::Base, NO_RESIDUAL, u32::MAX),
     ] {
-        let asset = Asset::parse(&pack(&sample_asset_with(WIDTH, HEIGHT, &views, &lights, kind)).unwrap()).unwrap();
+        let mut asset = sample_asset_with(WIDTH, HEIGHT, &views, &lights, kind);
+        asset.layers[0].lobe_role = role;
+        if components == NO_RESIDUAL {
+            asset.layers[0].residual = None;
+        } else {
+            repeat_bases(asset.layers[0].residual.as_mut().unwrap());
+        }
+        let asset = Asset::parse(&pack(&asset).unwrap()).unwrap();
         let resident = Resident::from_asset(&asset);
         let options = DecodeOptions { components, lobes, ..DecodeOptions::default() };
         let params = MeasureParams { options, memory_bytes, colour_stride: Some(2), ..MeasureParams::default() };
@@ -242,7 +252,7 @@ fn an_adapter_finds_the_errors_that_the_cpu_finds() {
             measure_images_on(gpu, info, read, &asset, &resident, &params, &monitor).unwrap()
         };
         let (cpu, on_gpu) = (measured(None, &read), measured(Some(&gpu), &read));
-        assert!(are_alike(&cpu, &on_gpu), "{kind:?} {components} {lobes}: {:?} {:?}", cpu.sums, on_gpu.sums);
+        assert!(are_alike(&cpu, &on_gpu), "{kind:?} {role:?} {components} {lobes}: {:?} {:?}", cpu.sums, on_gpu.sums);
         assert_ne!(cpu.sums.linear_error, on_gpu.sums.linear_error, "the adapter computed");
         // Planted difference: a brighter texel in one image of a later batch.
         let brighter = |view: usize, light: usize| {
@@ -255,6 +265,36 @@ fn an_adapter_finds_the_errors_that_the_cpu_finds() {
         assert!(!are_alike(&cpu, &measured(Some(&gpu), &brighter)));
     }
     assert!(gpu.in_words().unwrap().starts_with("the error was measured on "));
+}
+
+#[test]
+fn an_adapter_finds_the_errors_between_measured_directions() {
+    let Some(products) = open_for_test("an_adapter_finds_the_errors_between_measured_directions") else { return };
+    let gpu = FitGpu::new(products, true, 4096);
+    let folder = tempfile::tempdir().unwrap();
+    let low = DirectionSet::new([60.0, 85.0, 89.0, 89.9].map(|theta| Direction::new(theta, 40.0)).to_vec()).unwrap();
+    let capture = self::capture(&folder.path().join("low"), ImageFormat::Png, &low, &low);
+    let (asset, monitor) = (asset(), Monitor::default());
+    let resident = Resident::from_asset(&asset);
+    let options = DecodeOptions { interpolation: Interpolation::Fast, ..DecodeOptions::default() };
+    let memory_bytes = (8 * 5 * 12 * WIDTH * HEIGHT) as u64;
+    let params = MeasureParams { options, memory_bytes, ..MeasureParams::default() };
+    let read = |view, light| Ok(capture.read(view, light)?);
+    let [cpu, on_gpu] = [None, Some(&gpu)]
+        .map(|gpu| measure_images_on(gpu, capture.info(), &read, &asset, &resident, &params, &monitor).unwrap());
+    assert!(cpu.interpolated && are_alike(&cpu, &on_gpu), "{:?} {:?}", cpu.sums, on_gpu.sums);
+    assert!(gpu.in_words().unwrap().starts_with("the error was measured on "), "{:?}", gpu.in_words());
+}
+
+/// Gives a residual twice as many components and one: the same ones again, weaker.
+fn repeat_bases(residual: &mut Residual) {
+    let count = residual.coefficients.len();
+    for j in (0..count).chain([0]) {
+        let plane = &residual.coefficients[j];
+        let codes = plane.codes.iter().rev().copied().collect();
+        residual.coefficients.push(Coefficients { step: 0.5 * plane.step, codes });
+        residual.bases.push(residual.bases[1 + j].clone());
+    }
 }
 
 /// Returns whether two comparisons tell the same but for rounding.
