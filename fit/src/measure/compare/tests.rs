@@ -273,7 +273,7 @@ fn an_adapter_finds_the_errors_between_measured_directions() {
     let gpu = FitGpu::new(products, true, 4096);
     let folder = tempfile::tempdir().unwrap();
     let low = DirectionSet::new([60.0, 85.0, 89.0, 89.9].map(|theta| Direction::new(theta, 40.0)).to_vec()).unwrap();
-    let capture = self::capture(&folder.path().join("low"), ImageFormat::Png, &low, &low);
+    let capture = capture(&folder.path().join("low"), ImageFormat::Png, &low, &low);
     let (asset, monitor) = (asset(), Monitor::default());
     let resident = Resident::from_asset(&asset);
     let options = DecodeOptions { interpolation: Interpolation::Fast, ..DecodeOptions::default() };
