@@ -167,16 +167,20 @@ export class BtfView extends HTMLElement {
 
   #drawn = [];
 
-  // Messages to the viewer before it is there.
+  // What is asked for before the viewer is there.
   #waiting = [];
   #isOpen = false;
 
-  #send(message, parts = []) {
+  #whenOpen(act) {
     if (this.#isOpen) {
-      this.#viewer.postMessage(message, parts);
+      act();
     } else {
-      this.#waiting.push([message, parts]);
+      this.#waiting.push(act);
     }
+  }
+
+  #send(message, parts = []) {
+    this.#whenOpen(() => this.#viewer.postMessage(message, parts));
   }
 
   async #start() {
@@ -211,13 +215,14 @@ export class BtfView extends HTMLElement {
       kind: 'open', module, width, height, pixelsPerPoint, shown: this.#shownFirst(), link: this.#link,
     });
     this.#isOpen = true;
-    this.#waiting.splice(0).forEach(([message, parts]) => this.#send(message, parts));
     this.#listen();
     if (['leaf', 'landscape', 'scene'].some((name) => this.hasAttribute(name))) {
       this.#show(this.#link);
     } else {
       this.#loadSource();
     }
+    // A file that was dropped meanwhile is shown in place of the attributes' one.
+    this.#waiting.splice(0).forEach((act) => act());
   }
 
   #stop() {
@@ -303,10 +308,12 @@ export class BtfView extends HTMLElement {
 
   // Has an asset that is at hand made ready for the viewer.
   #expand(name, bytes, at) {
-    this.#load += 1;
-    this.#dropped = { id: this.#load, at };
-    this.#tell(`reading ${name}`);
-    this.#loader.postMessage({ kind: 'expand', id: this.#load, name, bytes }, [bytes]);
+    this.#whenOpen(() => {
+      this.#load += 1;
+      this.#dropped = { id: this.#load, at };
+      this.#tell(`reading ${name}`);
+      this.#loader.postMessage({ kind: 'expand', id: this.#load, name, bytes }, [bytes]);
+    });
   }
 
   #dropped;
