@@ -218,14 +218,14 @@ test('files that are damaged or foreign get a sentence, and the page lives on', 
   await drop('none.txt', Buffer.from('x'));
   await page.waitForFunction(() => window.told.messages.some((text) => /none\.txt/.test(text)), undefined, { timeout: 60_000 });
   // A file may come before the program is there.
-  const early = await page.evaluate((bytes) => new Promise((resolve) => {
+  const early = await page.evaluate((bytes) => new Promise((resolve, reject) => {
     const view = document.createElement('btf-view');
     view.addEventListener('loaded', ({ detail }) => {
       view.remove();
       resolve(detail.name);
     }, { once: true });
     document.body.append(view);
-    view.open([new File([new Uint8Array(bytes)], 'early.spmm')]);
+    view.open([new File([new Uint8Array(bytes)], 'early.spmm')]).catch(reject);
   }), [...weave]);
   assert.equal(early, 'early.spmm');
   await drop('good.spmm', weave);
