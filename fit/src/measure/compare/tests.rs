@@ -277,7 +277,7 @@ fn an_adapter_finds_the_errors_between_measured_directions() {
     let (asset, monitor) = (asset(), Monitor::default());
     let resident = Resident::from_asset(&asset);
     let options = DecodeOptions { interpolation: Interpolation::Fast, ..DecodeOptions::default() };
-    let memory_bytes = (8 * 5 * 12 * WIDTH * HEIGHT) as u64;
+    let memory_bytes = (8 * 7 * 12 * WIDTH * HEIGHT) as u64;
     let params = MeasureParams { options, memory_bytes, ..MeasureParams::default() };
     let read = |view, light| Ok(capture.read(view, light)?);
     let [cpu, on_gpu] = [None, Some(&gpu)]
