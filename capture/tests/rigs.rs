@@ -76,7 +76,7 @@ fn a_pose_counts_as_its_place_and_what_is_no_pose_is_refused() {
         capture.info().lights.directions().iter().map(|light| [light.theta_deg, light.phi_deg]).collect();
     // atan2 of the distance from the normal and the height, and of y and x.
     assert_eq!(angles, [[2.561, 26.565], [36.657, 352.648]]);
-    // A row cut short, a skewed one, and what is no number.
+    // A row that is shorter than the others, one that is turned round, and what is no number.
     for (from, to) in [("0,   -0.8, 0.6,", "0, -0.8, 0,"), ("0,   0.6, 0.8, ", "0, -0.6, -0.8,"), ("310", "far")] {
         let wrong = text.replace(from, to);
         assert_ne!(wrong, text);

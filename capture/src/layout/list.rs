@@ -115,8 +115,10 @@ fn open(source: &Source, file: usize) -> Result<Result<List, String>, CaptureErr
     };
     let must = |column: &str| find(column)?.ok_or_else(|| format!("it has no column `{column}`"));
     let direction = |[angles, place, pose]: [&[&'static str]; 3]| {
-        let has =
-            |kind: &[&str]| kind.iter().try_fold(true, |all, column| Ok::<_, String>(all && find(column)?.is_some()));
+        let has = |kind: &[&str]| {
+            let found: Vec<Option<usize>> = kind.iter().map(|column| find(column)).collect::<Result<_, String>>()?;
+            Ok::<_, String>(found.iter().all(Option::is_some))
+        };
         let kind = match (find(place[0])?.is_some(), has(pose)?) {
             (true, true) => return Err(format!("it has both `{}` and `{}` for one direction", place[0], pose[0])),
             (true, false) => place,
@@ -183,15 +185,13 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
                 }
             }
             _ => {
-                let numbers: Vec<f64> = columns
-                    .0
-                    .iter()
-                    .map(|(place, column)| number(*place, column, "a number"))
-                    .collect::<Result<_, _>>()?;
+                let what = if columns.0.len() == 3 { "a length" } else { "a number" };
+                let numbers = columns.0.iter().map(|(place, column)| number(*place, column, what));
+                let numbers: Vec<f64> = numbers.collect::<Result<_, _>>()?;
+                let (first, last) = (columns.0[0].1, columns.0[columns.0.len() - 1].1);
                 let [x, y, z] = match numbers[..] {
                     [x, y, z] => [x, y, z],
                     _ => place_of_pose(&numbers).ok_or_else(|| {
-                        let (first, last) = (columns.0[0].1, columns.0[columns.0.len() - 1].1);
                         bad(format!(
                             "`{first}` to `{last}` are no pose: row by row a rotation to the sample's frame and, last in each row, the place"
                         ))
@@ -199,8 +199,7 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
                 };
                 let length = x.hypot(y).hypot(z);
                 if !(length > 0.0 && length.is_finite()) {
-                    let last = columns.0[columns.0.len() - 1].1;
-                    return Err(bad(format!("`{}` to `{last}` are no direction", columns.0[0].1)));
+                    return Err(bad(format!("`{first}` to `{last}` are no direction")));
                 }
                 let theta = (z / length).clamp(-1.0, 1.0).acos().to_degrees();
                 Ok(Direction::new(rounded(theta), rounded(y.atan2(x).to_degrees())))

@@ -140,6 +140,39 @@ impl GpuDevice {
         })
     }
 
+    /// Makes a buffer of `bytes` that shaders read.
+    pub fn stored(&self, bytes: &[u8]) -> wgpu::Buffer {
+        let buffer = self.buffer(bytes.len() as u64, BufferUsages::STORAGE);
+        self.queue.write_buffer(&buffer, 0, bytes);
+        buffer
+    }
+
+    /// Binds whole `buffers` to the numbers from 0 on of `pipeline`'s group 0.
+    pub fn bind(&self, pipeline: &wgpu::ComputePipeline, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
+        let entries: Vec<wgpu::BindGroupEntry> = (0..)
+            .zip(buffers)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        })
+    }
+
+    /// Has `encoder` run `pipeline` with `group` as group 0 on so many workgroups in a row, and rows of them.
+    pub fn dispatch(
+        encoder: &mut wgpu::CommandEncoder,
+        pipeline: &wgpu::ComputePipeline,
+        group: &wgpu::BindGroup,
+        [columns, rows]: [usize; 2],
+    ) {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, group, &[]);
+        pass.dispatch_workgroups(columns as u32, rows as u32, 1);
+    }
+
     /// Returns the bytes of the largest buffer that a shader reads.
     pub fn largest_buffer(&self) -> u64 {
         let limits = self.device.limits();

@@ -65,7 +65,7 @@ impl FitGpu {
         let name = &self.device().name;
         let finished = self.finished.load(Ordering::Relaxed);
         let products = match (finished, self.quicker.get()) {
-            _ if self.failed.load(Ordering::Relaxed) => {
+            _ if self.has_failed() => {
                 Some(format!("{name} has no room for the matrices or fails; the CPU multiplied what it did not"))
             }
             (0, Some(false)) => Some(format!("the CPU multiplied all matrices: {name} was not quicker")),
@@ -115,7 +115,7 @@ impl FitGpu {
     /// Returns whether the adapter multiplies: it was found to be quicker, or was asked for by its name, and works.
     pub fn is_quicker(&self) -> bool {
         let chosen = self.named || self.quicker.get().copied().unwrap_or(false);
-        chosen && !self.failed.load(Ordering::Relaxed)
+        chosen && !self.has_failed()
     }
 
     /// Notes that a product was finished.

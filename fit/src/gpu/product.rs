@@ -125,26 +125,9 @@ impl GpuProducts {
         let uniform = self.gpu.buffer(SHAPE_BYTES, BufferUsages::UNIFORM);
         self.gpu.queue.write_buffer(&uniform, 0, bytemuck::cast_slice(&shape.map(|number| number as u32)));
         let pipeline = &self.pipelines[usize::from(transposed)][usize::from(a.precision == Precision::Half)];
-        let buffers = [&a.buffer, &b.buffer, &c.buffer, &uniform];
-        let entries: Vec<wgpu::BindGroupEntry> = buffers
-            .iter()
-            .enumerate()
-            .map(|(number, buffer)| wgpu::BindGroupEntry {
-                binding: number as u32,
-                resource: buffer.as_entire_binding(),
-            })
-            .collect();
-        let group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
+        let group = self.gpu.bind(pipeline, &[&a.buffer, &b.buffer, &c.buffer, &uniform]);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups(out.div_ceil(TILE) as u32, columns.div_ceil(TILE) as u32, 1);
-        drop(pass);
+        GpuDevice::dispatch(&mut encoder, pipeline, &group, [out.div_ceil(TILE), columns.div_ceil(TILE)]);
         self.gpu.queue.submit([encoder.finish()]);
     }
 

@@ -151,18 +151,10 @@ fn peak(gpu: &GpuDevice, repeats: usize) -> Option<f64> {
     let threads = PEAK_THREADS[usize::from(gpu.software)];
     let pipeline = gpu.pipeline("peak", include_str!("speed.wgsl"), "peak", &[]);
     let found = gpu.buffer(4 * threads as u64, BufferUsages::STORAGE);
-    let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &[wgpu::BindGroupEntry { binding: 0, resource: found.as_entire_binding() }],
-    });
+    let group = gpu.bind(&pipeline, &[&found]);
     let seconds = least(repeats, || {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups((threads / 256) as u32, 1, 1);
-        drop(pass);
+        GpuDevice::dispatch(&mut encoder, &pipeline, &group, [threads / 256, 1]);
         gpu.queue.submit([encoder.finish()]);
         gpu.wait() && gpu.fault().is_none()
     })?;

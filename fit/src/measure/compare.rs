@@ -210,25 +210,11 @@ pub fn measure_images(
     params: &MeasureParams,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
-    measure_images_on(None, info, read, asset, resident, params, monitor)
-}
-
-/// Measures as [`measure_images`], on `gpu` where that is quicker.
-pub(crate) fn measure_images_on(
-    gpu: Option<&FitGpu>,
-    info: &CaptureInfo,
-    read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
-    asset: &Asset,
-    resident: &Resident,
-    params: &MeasureParams,
-    monitor: &Monitor,
-) -> Result<Comparison, FitError> {
     let mut decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
     if let Some(bases) = &params.bases {
         decoder = decoder.with_single_bases(bases);
     }
-    let images = CaptureImages { info, read, tone_curve: ToneCurve::of_capture(info, read)? };
-    measure_decoder(&images, asset, &decoder, params, gpu, monitor)
+    measure_decoder(&CaptureImages::new(info, read)?, asset, &decoder, params, None, monitor)
 }
 
 /// A capture whose images come from a function.
@@ -239,6 +225,19 @@ pub(crate) struct CaptureImages<'a> {
     pub read: &'a (dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
     /// Tone curve of the capture.
     pub tone_curve: Option<ToneCurve>,
+}
+
+impl<'a> CaptureImages<'a> {
+    /// Finds the tone curve of the capture.
+    ///
+    /// # Errors
+    /// If an image cannot be read.
+    pub fn new(
+        info: &'a CaptureInfo,
+        read: &'a (dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
+    ) -> Result<CaptureImages<'a>, FitError> {
+        Ok(CaptureImages { info, read, tone_curve: ToneCurve::of_capture(info, read)? })
+    }
 }
 
 /// Measures with a `decoder` of layer `params.layer` of `asset`, on `gpu` where that is quicker; the decoder's options count
@@ -300,8 +299,7 @@ pub(crate) fn measure_decoder(
             .collect::<Result<_, FitError>>()?;
         errors.take(work);
     }
-    errors.finish();
-    let BatchErrors { tiles: tile_errors, pairs: pair_code_error, .. } = errors;
+    let (tile_errors, pair_code_error) = errors.finish();
     monitor.report("measure", pairs.len(), pairs.len())?;
 
     let per_texel = (pairs.len() * 3) as f64;

@@ -10,7 +10,7 @@ use btf_runtime::{LobeRole, WGSL};
 use rayon::prelude::*;
 use wgpu::BufferUsages;
 
-/// Pairs of a batch at most. Twin: `MOST_PAIRS`.
+/// Pairs of a batch at most. Twin: `MAX_PAIRS`.
 pub const MAX_PAIRS: usize = 64;
 /// Pairs that share what is read of a texel's codes. Twin: `PAIRS_AT_ONCE`.
 const PAIRS_AT_ONCE: usize = 4;
@@ -110,24 +110,9 @@ impl<'a> GpuErrors<'a> {
             images: gpu.buffer(of_images, BufferUsages::STORAGE),
             found: gpu.buffer(of_found, BufferUsages::STORAGE | BufferUsages::COPY_SRC),
         };
-        let bound = [&buffers.batch].into_iter().chain(&fixed).chain([
-            &buffers.pairs,
-            &buffers.rows,
-            &buffers.images,
-            &buffers.found,
-        ]);
-        let entries: Vec<wgpu::BindGroupEntry> = bound
-            .enumerate()
-            .map(|(number, buffer)| wgpu::BindGroupEntry {
-                binding: number as u32,
-                resource: buffer.as_entire_binding(),
-            })
-            .collect();
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
+        let [tiles, codes, slots, tables] = &fixed;
+        let Buffers { batch, pairs, rows, images, found } = &buffers;
+        let group = gpu.bind(&pipeline, &[batch, tiles, codes, slots, tables, pairs, rows, images, found]);
         let sound = gpu.fault().is_none();
         sound.then_some(GpuErrors { gpu, pipeline, group, buffers, layer }).ok_or(NO_ROOM)
     }
@@ -173,11 +158,7 @@ impl<'a> GpuErrors<'a> {
             }
         }
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &self.group, &[]);
-        pass.dispatch_workgroups(tiles.min(ROW) as u32, tiles.div_ceil(ROW) as u32, 1);
-        drop(pass);
+        GpuDevice::dispatch(&mut encoder, &self.pipeline, &self.group, [tiles.min(ROW), tiles.div_ceil(ROW)]);
         let words = tiles * (TILE_TEXELS * (SUMS + wanted as usize) + MAX_PAIRS);
         let readback = gpu.read_back(&mut encoder, &buffers.found, 4 * words as u64);
         gpu.queue.submit([encoder.finish()]);
@@ -249,15 +230,10 @@ fn fixed_buffers(gpu: &GpuDevice, decoder: &ImageDecoder, coding: &Coding, light
         tile.push_quads(&mut codes);
     }
     let tables: Vec<f32> = (0..lights).flat_map(|light| coding.light_table(light)).collect();
-    let stored = |bytes: &[u8]| {
-        let buffer = gpu.buffer(bytes.len() as u64, BufferUsages::STORAGE);
-        gpu.queue.write_buffer(&buffer, 0, bytes);
-        buffer
-    };
     [
-        stored(bytemuck::cast_slice(&heads)),
-        stored(bytemuck::cast_slice(&codes)),
-        stored(bytemuck::cast_slice(&slots)),
-        stored(bytemuck::cast_slice(&tables)),
+        gpu.stored(bytemuck::cast_slice(&heads)),
+        gpu.stored(bytemuck::cast_slice(&codes)),
+        gpu.stored(bytemuck::cast_slice(&slots)),
+        gpu.stored(bytemuck::cast_slice(&tables)),
     ]
 }

@@ -39,7 +39,7 @@ struct Batch {
 @group(0) @binding(8) var<storage, read_write> found: array<u32>;
 
 const TEXELS: u32 = 64u;
-const MOST_PAIRS: u32 = 64u;
+const MAX_PAIRS: u32 = 64u;
 const PAIRS_AT_ONCE: u32 = 4u;
 const SUMS: u32 = 6u;
 const HEADER: u32 = 4u;
@@ -63,7 +63,7 @@ fn lobe_sum(tile: vec4<u32>, texel: u32, pair: u32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var slot = tile.z; slot < tile.z + tile.w; slot++) {
         let entry = slots[slot * TEXELS + texel];
-        let value = bitcast<f32>(pairs[MOST_PAIRS * HEADER + pair * batch.lobes + entry.x]);
+        let value = bitcast<f32>(pairs[MAX_PAIRS * HEADER + pair * batch.lobes + entry.x]);
         sum += bitcast<vec3<f32>>(entry.yzw) * value;
     }
     return sum;
@@ -132,8 +132,8 @@ fn errors(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
                 peak = max(peak, max(original.x, max(original.y, original.z)));
             }
             let slot = pairs[pair * HEADER + 2u];
-            if (slot < MOST_PAIRS) {
-                let colours = batch.tiles * (SUMS * TEXELS + MOST_PAIRS);
+            if (slot < MAX_PAIRS) {
+                let colours = batch.tiles * (SUMS * TEXELS + MAX_PAIRS);
                 found[colours + (slot * batch.tiles + number) * TEXELS + texel] =
                     decoded_codes.x | (decoded_codes.y << 8u) | (decoded_codes.z << 16u);
             }
@@ -148,5 +148,5 @@ fn errors(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     found[4u * row + own] = bitcast<u32>(sums.w);
     found[5u * row + own] = bitcast<u32>(peak);
     workgroupBarrier();
-    found[SUMS * row + number * MOST_PAIRS + texel] = atomicLoad(&pair_errors[texel]);
+    found[SUMS * row + number * MAX_PAIRS + texel] = atomicLoad(&pair_errors[texel]);
 }

@@ -102,14 +102,6 @@ impl PairPlan {
             _ => None,
         }
     }
-
-    /// Multiplies what was decoded by the factor towards the horizon.
-    #[inline(always)]
-    fn apply_fade(&self, out: &mut TileRgb) {
-        if self.fade != 1.0 {
-            out.as_flattened_mut().iter_mut().for_each(|x| *x *= self.fade);
-        }
-    }
 }
 
 /// What an image consists of that is a sum of a cluster's lobes and bases.
@@ -432,7 +424,9 @@ impl<'a> ImageDecoder<'a> {
             (None, Some(tap)) => self.combine(simd, tile, weights, tap, out),
             (Some(here), _) => self.decode_exact(simd, tile, weights, here, &plan.taps, out),
         }
-        plan.apply_fade(out);
+        if plan.fade != 1.0 {
+            out.as_flattened_mut().iter_mut().for_each(|x| *x *= plan.fade);
+        }
     }
 
     /// Decodes a whole image at `plan`'s pair, `[texel, channel]`: every tile through [`ImageDecoder::decode_tile`].
@@ -488,41 +482,9 @@ impl<'a> ImageDecoder<'a> {
         }
     }
 
-    /// Decodes `tile` at two pairs as [`ImageDecoder::decode_tile`] does at each of them, in less time where both are plain sums.
-    #[inline(always)]
-    pub(crate) fn decode_tile_at_two<S: Simd>(
-        &self,
-        simd: S,
-        tile: &TexelTile,
-        weights: &BasisWeights,
-        plans: [&PairPlan; 2],
-        out: &mut [TileRgb; 2],
-    ) {
-        let [Some(_), Some(_)] = plans.map(PairPlan::plain) else {
-            return (0..2).for_each(|i| self.decode_tile(simd, tile, weights, plans[i], &mut out[i]));
-        };
-        let taps = plans.map(|plan| &plan.taps[0]);
-        let rows = tile.cluster * self.used_words..(tile.cluster + 1) * self.used_words;
-        let mut residuals = [[[0.0; TILE_TEXELS]; 3]; 2];
-        weights.residual_sums_of_two(simd, taps.map(|tap| &tap.rows[rows.clone()]), &mut residuals);
-        for i in 0..2 {
-            self.add_lobes(tile, taps[i], &residuals[i], &mut out[i]);
-            plans[i].apply_fade(&mut out[i]);
-        }
-    }
-
     /// Combines lobes and residual at `tap`.
     #[inline(always)]
     fn combine<S: Simd>(&self, simd: S, tile: &TexelTile, weights: &BasisWeights, tap: &Tap, out: &mut TileRgb) {
-        let mut residual = [[0.0; TILE_TEXELS]; 3];
-        let rows = tile.cluster * self.used_words..(tile.cluster + 1) * self.used_words;
-        weights.residual_sums(simd, &tap.rows[rows], &mut residual);
-        self.add_lobes(tile, tap, &residual, out);
-    }
-
-    /// Combines the lobes at `tap` and a residual.
-    #[inline(always)]
-    fn add_lobes(&self, tile: &TexelTile, tap: &Tap, residual: &TileRgb, out: &mut TileRgb) {
         let (kind, epsilon) = (self.layer.residual_kind, self.layer.epsilon);
         if self.used_words == 0 {
             return self.lobe_sums(tile, &tap.values, out);
@@ -534,6 +496,9 @@ impl<'a> ImageDecoder<'a> {
         } else {
             out.as_flattened_mut().fill(kind.encode(0.0, epsilon));
         }
+        let mut residual = [[0.0; TILE_TEXELS]; 3];
+        let rows = tile.cluster * self.used_words..(tile.cluster + 1) * self.used_words;
+        weights.residual_sums(simd, &tap.rows[rows], &mut residual);
         for (x, r) in out.as_flattened_mut().iter_mut().zip(residual.as_flattened()) {
             *x += r;
         }

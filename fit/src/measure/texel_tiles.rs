@@ -155,45 +155,22 @@ impl BasisWeights {
     /// A texel's additions have the order of the bases, two by two; products are rounded before they are added.
     #[inline(always)]
     pub fn residual_sums<S: Simd>(&self, simd: S, rows: &[RowWord], sums: &mut TileRgb) {
-        self.sums_at_pairs(simd, [rows], [sums]);
-    }
-
-    /// Sums the bases at two pairs, as [`BasisWeights::residual_sums`] does at each of them, in less time: both share what is read of
-    /// the weights.
-    #[inline(always)]
-    pub fn residual_sums_of_two<S: Simd>(&self, simd: S, rows: [&[RowWord]; 2], [first, second]: &mut [TileRgb; 2]) {
-        self.sums_at_pairs(simd, rows, [first, second]);
-    }
-
-    #[inline(always)]
-    fn sums_at_pairs<S: Simd, const PAIRS: usize>(
-        &self,
-        simd: S,
-        rows: [&[RowWord]; PAIRS],
-        sums: [&mut TileRgb; PAIRS],
-    ) {
         let lanes = S::F32_LANES;
-        let words = rows.map(<[RowWord]>::len).into_iter().min().unwrap_or(0);
-        let rows = rows.map(|rows| &rows[..words]);
         for first in (0..TILE_TEXELS).step_by(STRIP * lanes) {
-            let mut sum = [[[simd.splat_f32s(0.0); STRIP]; 3]; PAIRS];
-            for (word, weights) in self.weights.chunks_exact(2).take(words).enumerate() {
+            let mut sum = [[simd.splat_f32s(0.0); STRIP]; 3];
+            for (weights, row) in self.weights.chunks_exact(2).zip(rows) {
                 let [even, odd] = [0, 1].map(|basis| strip::<S>(&weights[basis], first));
-                for pair in 0..PAIRS {
-                    for c in 0..3 {
-                        let [h, k] = rows[pair][word][c].map(|x| simd.splat_f32s(x));
-                        for i in 0..STRIP {
-                            let both = simd.add_f32s(simd.mul_f32s(even[i], h), simd.mul_f32s(odd[i], k));
-                            sum[pair][c][i] = simd.add_f32s(sum[pair][c][i], both);
-                        }
+                for c in 0..3 {
+                    let [h, k] = row[c].map(|x| simd.splat_f32s(x));
+                    for i in 0..STRIP {
+                        let both = simd.add_f32s(simd.mul_f32s(even[i], h), simd.mul_f32s(odd[i], k));
+                        sum[c][i] = simd.add_f32s(sum[c][i], both);
                     }
                 }
             }
-            for pair in 0..PAIRS {
-                for c in 0..3 {
-                    let (to, _) = S::as_mut_simd_f32s(&mut sums[pair][c][first..first + STRIP * lanes]);
-                    to.copy_from_slice(&sum[pair][c]);
-                }
+            for c in 0..3 {
+                let (to, _) = S::as_mut_simd_f32s(&mut sums[c][first..first + STRIP * lanes]);
+                to.copy_from_slice(&sum[c]);
             }
         }
     }

@@ -190,25 +190,16 @@ impl TileErrors {
         let count = tile.texels.len();
         let mut weights = BasisWeights::default();
         tile.unpack(&mut weights);
-        let mut decoded_pairs: [TileRgb; 2] = [[[0.0; TILE_TEXELS]; 3]; 2];
-        let mut original: TileRgb = [[0.0; TILE_TEXELS]; 3];
+        let mut decoded: TileRgb = [[0.0; TILE_TEXELS]; 3];
+        let mut original = decoded;
         let mut decoded_codes: TileCodes = [[0; TILE_TEXELS]; 3];
         let mut original_codes = decoded_codes;
         let mut code_sums = [0u32; TILE_TEXELS];
         // A loop, not an iterator's closures: those would be compiled for the narrow vectors.
         let mut errors = Vec::with_capacity(batch.len());
-        for (i, work) in batch.iter().enumerate() {
-            match &batch[i..] {
-                [first, second, ..] if i % 2 == 0 => {
-                    let plans = [&first.plan, &second.plan];
-                    decoder.decode_tile_at_two(simd, tile, &weights, plans, &mut decoded_pairs);
-                }
-                [last] if i % 2 == 0 => decoder.decode_tile(simd, tile, &weights, &last.plan, &mut decoded_pairs[0]),
-                // Decoded with the one before.
-                _ => {}
-            }
-            let decoded = &mut decoded_pairs[i % 2];
-            coding.encode(work.light, decoded, &mut decoded_codes);
+        for work in batch {
+            decoder.decode_tile(simd, tile, &weights, &work.plan, &mut decoded);
+            coding.encode(work.light, &decoded, &mut decoded_codes);
             match &work.image {
                 TiledImage::Codes(codes) => {
                     original_codes = codes[number];
@@ -235,7 +226,7 @@ impl TileErrors {
                 let texels = (number % every..count).step_by(every);
                 self.add_colours(&coding.lab, texels, &original_codes, &decoded_codes);
             }
-            self.add_linear(&original, decoded);
+            self.add_linear(&original, &decoded);
             errors.push(add_codes(&original_codes, &decoded_codes, &mut code_sums));
         }
         self.code_error.iter_mut().zip(code_sums).for_each(|(sum, batch)| *sum += u64::from(batch));

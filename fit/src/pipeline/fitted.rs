@@ -6,7 +6,8 @@ use crate::inspect::load::resident_in_parallel;
 use crate::inspect::lobe_use::LobeUse;
 #[cfg(doc)]
 use crate::measure::compare::measure;
-use crate::measure::compare::{Comparison, MeasureParams, measure_images_on};
+use crate::measure::compare::{CaptureImages, Comparison, MeasureParams, measure_decoder};
+use crate::measure::image_decoder::ImageDecoder;
 use crate::metrics::{ErrorSums, Metrics};
 use crate::monitor::Monitor;
 use crate::params::{ErrorMeasure, ValidFitParams};
@@ -71,7 +72,9 @@ pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &
         let comparisons = captures.iter().enumerate().map(|(layer, capture)| {
             let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes(), ..MeasureParams::default() };
             let read = read_images(capture, images.as_ref());
-            measure_images_on(gpu, capture.info(), &read, &asset, &resident, &measuring, monitor)
+            let images = CaptureImages::new(capture.info(), &read)?;
+            let decoder = ImageDecoder::new(&asset, &resident, layer, &measuring.options);
+            measure_decoder(&images, &asset, &decoder, &measuring, gpu, monitor)
         });
         comparisons.collect()
     })?;

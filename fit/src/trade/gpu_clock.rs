@@ -93,12 +93,10 @@ impl GpuClock {
         if bytes > most || queries.is_empty() || 32 * queries.len() as u64 > most {
             return None;
         }
-        let words = self.gpu.buffer(bytes, BufferUsages::STORAGE);
-        self.gpu.queue.write_buffer(&words, 0, bytemuck::cast_slice(resident.words()));
-        let listed_buffer = self.gpu.buffer(32 * queries.len() as u64, BufferUsages::STORAGE);
-        self.gpu.queue.write_buffer(&listed_buffer, 0, bytemuck::cast_slice(&listed));
+        let words = self.gpu.stored(bytemuck::cast_slice(resident.words()));
+        let listed = self.gpu.stored(bytemuck::cast_slice(&listed));
         let decoded = self.gpu.buffer(16 * queries.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
-        self.gpu.fault().is_none().then_some(GpuAsset { words, queries: listed_buffer, decoded, count: queries.len() })
+        self.gpu.fault().is_none().then_some(GpuAsset { words, queries: listed, decoded, count: queries.len() })
     }
 
     fn bind(&self, asset: &GpuAsset, options: &DecodeOptions) -> wgpu::BindGroup {
@@ -134,10 +132,7 @@ impl GpuClock {
     fn run(&self, asset: &GpuAsset, group: &wgpu::BindGroup, dispatches: usize) -> bool {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         for _ in 0..dispatches {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(asset.count.div_ceil(GROUP) as u32, 1, 1);
+            GpuDevice::dispatch(&mut encoder, &self.pipeline, group, [asset.count.div_ceil(GROUP), 1]);
         }
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.wait() && self.gpu.fault().is_none()

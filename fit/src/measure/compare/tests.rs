@@ -214,6 +214,20 @@ fn the_colour_stride_meets_every_light() {
     }
 }
 
+/// Measures on `gpu`.
+fn measure_on(
+    gpu: Option<&FitGpu>,
+    capture: &Capture,
+    read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
+    asset: &Asset,
+    params: &MeasureParams,
+) -> Comparison {
+    let resident = Resident::from_asset(asset);
+    let decoder = ImageDecoder::new(asset, &resident, 0, &params.options);
+    let images = CaptureImages::new(capture.info(), read).unwrap();
+    measure_decoder(&images, asset, &decoder, params, gpu, &Monitor::default()).unwrap()
+}
+
 #[test]
 fn an_adapter_finds_the_errors_that_the_cpu_finds() {
     const NO_RESIDUAL: u32 = 99;
@@ -223,7 +237,6 @@ fn an_adapter_finds_the_errors_that_the_cpu_finds() {
     let folder = tempfile::tempdir().unwrap();
     let (views, lights) = sets();
     let capture = capture(&folder.path().join("png"), ImageFormat::Png, &views, &lights);
-    let (info, monitor) = (capture.info(), Monitor::default());
     let read = |view, light| Ok(capture.read(view, light)?);
     // Batches of seven pairs: more than the four that share what is read, and no multiple of them.
     let memory_bytes = (8 * 7 * 12 * WIDTH * HEIGHT) as u64;
@@ -245,11 +258,10 @@ fn an_adapter_finds_the_errors_that_the_cpu_finds() {
             repeat_bases(asset.layers[0].residual.as_mut().unwrap());
         }
         let asset = Asset::parse(&pack(&asset).unwrap()).unwrap();
-        let resident = Resident::from_asset(&asset);
         let options = DecodeOptions { components, lobes, ..DecodeOptions::default() };
         let params = MeasureParams { options, memory_bytes, colour_stride: Some(2), ..MeasureParams::default() };
         let measured = |gpu: Option<&FitGpu>, read: &(dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync)| {
-            measure_images_on(gpu, info, read, &asset, &resident, &params, &monitor).unwrap()
+            measure_on(gpu, &capture, read, &asset, &params)
         };
         let (cpu, on_gpu) = (measured(None, &read), measured(Some(&gpu), &read));
         assert!(are_alike(&cpu, &on_gpu), "{kind:?} {role:?} {components} {lobes}: {:?} {:?}", cpu.sums, on_gpu.sums);
@@ -274,14 +286,12 @@ fn an_adapter_finds_the_errors_between_measured_directions() {
     let folder = tempfile::tempdir().unwrap();
     let low = DirectionSet::new([60.0, 85.0, 89.0, 89.9].map(|theta| Direction::new(theta, 40.0)).to_vec()).unwrap();
     let capture = capture(&folder.path().join("low"), ImageFormat::Png, &low, &low);
-    let (asset, monitor) = (asset(), Monitor::default());
-    let resident = Resident::from_asset(&asset);
+    let asset = asset();
     let options = DecodeOptions { interpolation: Interpolation::Fast, ..DecodeOptions::default() };
     let memory_bytes = (8 * 7 * 12 * WIDTH * HEIGHT) as u64;
     let params = MeasureParams { options, memory_bytes, ..MeasureParams::default() };
     let read = |view, light| Ok(capture.read(view, light)?);
-    let [cpu, on_gpu] = [None, Some(&gpu)]
-        .map(|gpu| measure_images_on(gpu, capture.info(), &read, &asset, &resident, &params, &monitor).unwrap());
+    let [cpu, on_gpu] = [None, Some(&gpu)].map(|gpu| measure_on(gpu, &capture, &read, &asset, &params));
     assert!(cpu.interpolated && are_alike(&cpu, &on_gpu), "{:?} {:?}", cpu.sums, on_gpu.sums);
     assert!(gpu.in_words().unwrap().starts_with("the error was measured on "), "{:?}", gpu.in_words());
 }
@@ -318,11 +328,9 @@ fn images_of_linear_values_are_measured_on_the_cpu() {
     let folder = tempfile::tempdir().unwrap();
     let (views, lights) = sets();
     let capture = capture(&folder.path().join("exr"), ImageFormat::Exr, &views, &lights);
-    let (asset, monitor) = (asset(), Monitor::default());
-    let (resident, params) = (Resident::from_asset(&asset), MeasureParams::default());
+    let (asset, params) = (asset(), MeasureParams::default());
     let read = |view, light| Ok(capture.read(view, light)?);
-    let [cpu, on_gpu] = [None, Some(&gpu)]
-        .map(|gpu| measure_images_on(gpu, capture.info(), &read, &asset, &resident, &params, &monitor).unwrap());
+    let [cpu, on_gpu] = [None, Some(&gpu)].map(|gpu| measure_on(gpu, &capture, &read, &asset, &params));
     assert_eq!(cpu, on_gpu);
     assert!(gpu.in_words().is_none());
 }
