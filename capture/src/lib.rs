@@ -36,7 +36,7 @@
 //!
 //! Read in this order: [`Direction`] and [`DirectionSet`]; [`CaptureInfo`] with [`Transfer`], [`Cosine`] and [`Side`],
 //! which hold the radiometry; [`Capture`] and [`CaptureWriter`]; [`CaptureError`]. [`mod@atomic`] and [`files`] serve every
-//! program that writes and reads files, [`toml_text`] those that read TOML, [`cie`] those that compute with spectra.
+//! program that writes and reads files, [`toml_text`] those that read TOML, [`delimited`] those that read tables, [`cie`] those that compute with spectra.
 //!
 //! Error metrics belong to the fitter. Views and lights form a grid, of which pairs may have no image.
 
@@ -45,6 +45,7 @@ pub mod atomic;
 mod bad_input;
 mod capture;
 mod colour;
+pub mod delimited;
 mod direction;
 mod error;
 pub mod files;

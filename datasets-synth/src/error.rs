@@ -22,6 +22,14 @@ pub enum SynthError {
     /// A description or textures of a leaf, or a script of shapes, that cannot be used.
     #[error(transparent)]
     Model(#[from] btf_models::ModelError),
+    /// A table of spectra that cannot be used.
+    #[error("{path} cannot be used as spectra: {reason}")]
+    BadSpectra {
+        /// The file.
+        path: String,
+        /// What is wrong, as a clause with its remedy.
+        reason: String,
+    },
     /// A capture that could not be written.
     #[error(transparent)]
     Capture(#[from] CaptureError),

@@ -10,7 +10,8 @@
 //! 3. [`Tissue`]: the algorithmic models [`Abm97`], [`AbmB`] and [`AbmU`], each a [`Stack`] of interfaces
 //!    that [`walk`] walks; [`trace_path_lengths`] gives spectra of any pigments, [`ScatterTable`] a BRDF.
 //! 4. [`Spectrophotometer`] and [`Goniophotometer`]: what a laboratory would measure on them.
-//! 5. [`RgbFromSpectrum`]: spectra under D65 to linear sRGB.
+//! 5. [`RgbFromSpectrum`]: spectra under D65 to linear sRGB. The other way round, [`Inverter`]: the contents of a leaf
+//!    from its measured [`LeafSpectra`], with their standard errors.
 //! 6. [`AppearanceTextures`]: structure, pigment, gloss, thickness and relief, grown for a [`Species`]
 //!    and a [`Chlorosis`] or the user's own [`TextureImages`].
 //! 7. [`HeightField`], [`Material`], [`ViewHits`], [`Illumination`], [`render`]: parallax, masking,
@@ -47,6 +48,7 @@
 mod cloth;
 mod error;
 mod instruments;
+mod inversion;
 mod leaf;
 mod leather;
 mod optics;
@@ -65,6 +67,12 @@ pub use error::SynthError;
 pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions};
 pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_svg};
 pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
+pub use inversion::forward::{MAX_UNKNOWNS, Unknown};
+pub use inversion::invert::{InversionParams, Inverter};
+pub use inversion::maps::{LeafMaps, invert_captures};
+pub use inversion::outcome::{Inversion, State};
+pub use inversion::spectra::{INVERTED_NM, LeafSpectra};
+pub use inversion::spectra_file::{ReadSpectra, read_spectra};
 pub use leaf::capture::write_leaf_capture;
 pub use leaf::chlorosis::Chlorosis;
 pub use leaf::look::{BladePlace, LeafLook};
@@ -99,8 +107,10 @@ pub use optics::plates::model::{PROSPECT_CONE_DEG, PlateModel, plate_spectrum};
 pub use optics::plates::paper::{plate_paper, plate_paper_absorption, plate_paper_of_theta};
 pub use optics::plates::pile::{plate_n, plate_n_inside};
 pub use optics::plates::shares::PlateOptics;
+pub use optics::plates::slopes::{PlateSlopes, plate_n_slopes};
 pub use optics::plates::theta::{
-    ThetaForm, diffuse_transmission, diffuse_transmission_f32, rational_p1q2, rational_p2q3, three_piece_fit,
+    ThetaForm, diffuse_transmission, diffuse_transmission_f32, diffuse_transmission_with_slope, rational_p1q2,
+    rational_p2q3, three_piece_fit,
 };
 pub use optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
 pub use optics::two_sided::two_sided_diffuse;

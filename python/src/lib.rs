@@ -6,6 +6,7 @@
 //! | `asset` | `btf.open` and `btf.Asset` |
 //! | `capture` | `btf.Capture` |
 //! | `fit` | `btf.fit` and `btf.compare` |
+//! | `leaf` | `btf.leaf.invert` |
 //! | `work` | long work on threads, with progress and Control-C |
 //! | `arrays` | numpy arrays in, broadcast, and out |
 //! | `faults` | our errors as Python's |
@@ -15,6 +16,7 @@ mod asset;
 mod capture;
 mod faults;
 mod fit;
+mod leaf;
 mod work;
 
 /// The compiled part of `btf`.
@@ -26,6 +28,8 @@ mod _btf {
     use super::capture::PyCapture;
     #[pymodule_export]
     use super::fit::{compare, fit};
+    #[pymodule_export]
+    use super::leaf::invert_leaves;
 
     #[allow(non_upper_case_globals, reason = "Python's name for it")]
     #[pymodule_export]

@@ -11,6 +11,7 @@ pub mod fit_floor;
 mod fixtures;
 pub mod landscape_costs;
 pub mod leaf_fits;
+pub mod leaf_inversion;
 pub mod leaf_live;
 pub mod leaf_trade;
 pub mod lobe_worth;

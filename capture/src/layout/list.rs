@@ -8,6 +8,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use crate::delimited::{fields, lines, separator_of};
 use crate::direction::Direction;
 use crate::error::CaptureError;
 use crate::images::file_format::FileFormat;
@@ -104,7 +105,7 @@ fn open(source: &Source, file: usize) -> Result<Result<List, String>, CaptureErr
     };
     let text = text.strip_prefix('\u{FEFF}').map_or(text.clone(), String::from);
     let Some((heading, line)) = lines(&text).next() else { return Ok(Err("it is empty".into())) };
-    let separator = [',', ';', '\t'].into_iter().max_by_key(|&c| line.matches(c).count()).unwrap_or(',');
+    let separator = separator_of(line);
     let Ok(names) = fields(line, separator) else { return Ok(Err("its first line does not name columns".into())) };
     let find = |column: &str| {
         let mut at = names.iter().enumerate().filter(|(_, name)| name.eq_ignore_ascii_case(column)).map(|(at, _)| at);
@@ -150,12 +151,6 @@ fn open(source: &Source, file: usize) -> Result<Result<List, String>, CaptureErr
 
 fn rounded(degrees: f64) -> f64 {
     (degrees * PARTS_OF_A_DEGREE).round() / PARTS_OF_A_DEGREE
-}
-
-/// Returns the lines that are neither empty nor comments, each with its number from 1.
-fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
-    numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }
 
 fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureError> {
@@ -259,64 +254,4 @@ fn place_of_pose(numbers: &[f64]) -> Option<[f64; 3]> {
     let is_square = square(0, 1) && square(0, 2) && square(1, 2);
     let is_rotation = longest > 0.0 && longest.is_finite() && even && is_square && is_right_handed;
     is_rotation.then(|| [rows[0][3], rows[1][3], rows[2][3]])
-}
-
-/// Returns the values of a line.
-fn fields(line: &str, separator: char) -> Result<Vec<String>, &'static str> {
-    let mut fields = Vec::new();
-    let mut rest = line;
-    loop {
-        rest = rest.trim_start_matches(' ');
-        if let Some(quoted) = rest.strip_prefix('"') {
-            let mut value = String::new();
-            let mut characters = quoted.char_indices();
-            let end = loop {
-                match characters.next() {
-                    Some((at, '"')) => match quoted[at + 1..].starts_with('"') {
-                        true => {
-                            value.push('"');
-                            characters.next();
-                        }
-                        false => break at + 1,
-                    },
-                    Some((_, other)) => value.push(other),
-                    None => return Err("a quote in it is not closed"),
-                }
-            };
-            fields.push(value);
-            rest = quoted[end..].trim_start_matches(' ');
-            match rest.strip_prefix(separator) {
-                Some(tail) => rest = tail,
-                None if rest.is_empty() => return Ok(fields),
-                None => return Err("something stands behind a closing quote"),
-            }
-        } else {
-            match rest.split_once(separator) {
-                Some((value, tail)) => {
-                    fields.push(value.trim().to_string());
-                    rest = tail;
-                }
-                None => {
-                    fields.push(rest.trim().to_string());
-                    return Ok(fields);
-                }
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_line_is_split_at_its_separators_and_quotes_hold_together() {
-        assert_eq!(fields("a.png, 30 ,-90,0,0", ',').unwrap(), ["a.png", "30", "-90", "0", "0"]);
-        assert_eq!(fields("\"a, \"\"b\"\".png\" ;30;1", ';').unwrap(), ["a, \"b\".png", "30", "1"]);
-        assert_eq!(fields("a\t\tb", '\t').unwrap(), ["a", "", "b"]);
-        assert_eq!(fields("a,", ',').unwrap(), ["a", ""]);
-        for bad in ["\"a", "\"a\"b,c"] {
-            assert!(fields(bad, ',').is_err(), "{bad}");
-        }
-    }
 }

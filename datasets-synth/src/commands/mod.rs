@@ -5,6 +5,8 @@ mod capture_args;
 mod cloth;
 mod failure;
 mod goniophotometer;
+mod invert;
+mod invert_maps;
 mod leaf;
 mod leaf_file;
 mod leaf_look;
@@ -34,6 +36,8 @@ enum Command {
     Cloth(cloth::ClothArgs),
     /// Photograph a leaf: veins, relief, pigments and gloss.
     Leaf(leaf::LeafArgs),
+    /// Find the contents of leaves from their measured spectra.
+    Invert(invert::InvertArgs),
     /// Measure spectral reflectance and transmittance of a leaf model.
     Spectrum(spectrum::SpectrumArgs),
     /// Measure BRDF and BTDF of a leaf model over the sphere.
@@ -49,6 +53,7 @@ pub fn run() -> ExitCode {
     let cli = Cli::parse();
     let result = match cli.command {
         Command::Cloth(args) => cloth::run(&args),
+        Command::Invert(args) => invert::run(&args),
         Command::Leaf(args) => leaf::run(&args),
         Command::Spectrum(args) => spectrum::run(&args),
         Command::Goniophotometer(args) => goniophotometer::run(&args),

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use btf_synth::{
-    Estimate, LeafContents, LeafModel, LinePlot, Method, PAPER_WAVELENGTHS_NM, Rays, Series, Spectrophotometer,
-    Spectrum, plate_spectrum,
+    Estimate, INVERTED_NM, LeafContents, LeafModel, LinePlot, Method, PAPER_WAVELENGTHS_NM, Rays, Series,
+    Spectrophotometer, Spectrum, plate_spectrum,
 };
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -44,7 +44,7 @@ pub struct SpectrumArgs {
     /// First wavelength in nm (from 400); plate-paper knows 435, 546 and 675 nm alone
     #[arg(long, default_value_t = 400.0)]
     from_nm: f64,
-    /// Last wavelength in nm (to 780; algorithmic models to 2500)
+    /// Last wavelength in nm (to 2500)
     #[arg(long, default_value_t = 780.0)]
     to_nm: f64,
     /// Distance between wavelengths in nm
@@ -68,6 +68,9 @@ pub struct SpectrumArgs {
     /// Seed of the rays
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Write the curves as a table, which `btf-synth invert` reads
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
     /// Write the curves as an SVG plot
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
@@ -98,6 +101,9 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     let (spectra, seconds) = measure(args, &sides)?;
     if let Some(path) = &args.plot {
         write_text(path, &plot(args, &sides, &spectra))?;
+    }
+    if let Some(path) = &args.csv {
+        write_text(path, &csv(&sides, &spectra))?;
     }
     let mut result = figures(&spectra[0]);
     result["model"] = json!(args.model.to_string());
@@ -189,18 +195,31 @@ fn wavelengths(args: &SpectrumArgs) -> Result<Vec<f64>, Failure> {
         // Printed for no other wavelengths.
         return Ok(PAPER_WAVELENGTHS_NM.into_iter().rev().collect());
     }
-    let algorithmic = matches!(args.model, Model::Abm97 | Model::AbmB | Model::AbmU);
-    let last = if algorithmic { 2500.0 } else { 780.0 };
     let (from, to, step) = (args.from_nm, args.to_nm, args.step_nm);
-    if !(400.0..=last).contains(&from) || !(from..=last).contains(&to) || !(0.1..=1000.0).contains(&step) {
+    let [first, last] = INVERTED_NM;
+    if !(first..=last).contains(&from) || !(from..=last).contains(&to) || !(0.1..=1000.0).contains(&step) {
         return Err(Failure::Usage(format!(
-            "--from-nm {from} --to-nm {to} --step-nm {step} is no range of wavelengths; give 400 to {last} for {} and a \
-             step from 0.1",
-            args.model
+            "--from-nm {from} --to-nm {to} --step-nm {step} is no range of wavelengths; give {first} to {last} and a step \
+             from 0.1"
         )));
     }
     let count = ((to - from) / step + 1e-9).floor() as usize;
     Ok((0..=count).map(|i| from + step * i as f64).collect())
+}
+
+/// Returns the curves as a table with a column for each share of light.
+fn csv(sides: &[Side], spectra: &[Spectrum]) -> String {
+    let mut text = String::from("wavelength_nm");
+    for side in sides {
+        text += &format!(",{0} reflectance,{0} transmittance", side_name(*side));
+    }
+    for (i, nm) in spectra[0].wavelength_nm.iter().enumerate() {
+        text += &format!("\n{nm}");
+        for spectrum in spectra {
+            text += &format!(",{},{}", spectrum.reflectance[i].mean, spectrum.transmittance[i].mean);
+        }
+    }
+    text + "\n"
 }
 
 fn plot(args: &SpectrumArgs, sides: &[Side], spectra: &[Spectrum]) -> String {

@@ -1,12 +1,15 @@
 //! Converts spectra to linear sRGB: 31 wavelengths under D65, or the three of the paper.
 
 use crate::error::SynthError;
-use crate::optics::specific_absorption::check_wavelengths;
 use crate::optics::tables::interpolated;
 use btf_capture::cie;
 
 /// Wavelengths of the paper in nanometres for red, green and blue.
 pub const PAPER_WAVELENGTHS_NM: [f64; 3] = [675.0, 546.0, 435.0];
+
+/// First and last wavelength in nanometres that a colour can be made of: those that both the leaf's and the observer's
+/// table have.
+const VISIBLE_NM: [f64; 2] = [400.0, 780.0];
 
 /// Wavelengths at which a colour is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -68,7 +71,10 @@ impl RgbFromSpectrum {
         }
         let at = |i: usize| first_nm + (last_nm - first_nm) * i as f64 / (count - 1) as f64;
         let wavelengths_nm: Vec<f64> = (0..count).map(at).collect();
-        check_wavelengths(&wavelengths_nm)?;
+        if let Some(nm) = wavelengths_nm.iter().find(|nm| !(VISIBLE_NM[0]..=VISIBLE_NM[1]).contains(*nm)) {
+            let allowed = format!("wavelengths from {} to {} nm", VISIBLE_NM[0], VISIBLE_NM[1]);
+            return Err(SynthError::BadParameter { name: "a wavelength", value: format!("{nm} nm"), allowed });
+        }
         Ok(RgbFromSpectrum::under_d65(wavelengths_nm))
     }
 

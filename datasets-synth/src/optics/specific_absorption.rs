@@ -3,11 +3,10 @@
 use btf_models::LeafContents;
 
 use crate::error::SynthError;
-use crate::optics::tables::prospect_5::PROSPECT_5;
-use crate::optics::tables::prospect_d::PROSPECT_D;
-use crate::optics::tables::{LEAF_FIRST_NM, LEAF_LAST_NM, LeafTable, interpolated};
+use crate::optics::tables::interpolated;
+use crate::optics::tables::leaf_table::{LEAF_FIRST_NM, LEAF_LAST_NM, LeafTable, PROSPECT_5, PROSPECT_D};
 
-/// Table of specific absorptions and refractive index of leaf tissue, 400 to 780 nm at 1 nm, linear in between.
+/// Table of specific absorptions and refractive index of leaf tissue, 400 to 2500 nm at 1 nm, linear in between.
 ///
 /// Outside of these wavelengths the functions return NaN; [`check_wavelengths`] refuses them first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -70,7 +69,7 @@ pub(crate) fn absorption_of(coefficients: &Coefficients, contents: &LeafContents
 /// Refuses wavelengths in nanometres that the tables do not reach.
 ///
 /// # Errors
-/// [`SynthError::BadParameter`] for the first outside of 400 to 780.
+/// [`SynthError::BadParameter`] for the first outside of 400 to 2500.
 pub fn check_wavelengths(wavelengths_nm: &[f64]) -> Result<(), SynthError> {
     match wavelengths_nm.iter().find(|nm| !(LEAF_FIRST_NM..=LEAF_LAST_NM).contains(*nm)) {
         None => Ok(()),
@@ -103,9 +102,13 @@ mod tests {
         // [Feret 2017] at the first row.
         assert_eq!(ProspectD.index(400.0), 1.5115);
         assert_eq!(ProspectD.coefficients(400.0), [0.0648815, 0.16734, 0.0666747, 0.5272, 0.000058, 109.7]);
-        // The last rows: nothing absorbs but brown pigment, water and dry matter.
+        // Beyond the pigments nothing absorbs but brown pigment, water and dry matter; in the last row only those two.
         assert_eq!(Prospect5.coefficients(780.0), [0.0, 0.0, 0.0, 0.05284, 0.02659, 2.3]);
         assert_eq!(ProspectD.coefficients(780.0)[3..], [0.05284, 0.02659, 2.3]);
+        for table in [Prospect5, ProspectD] {
+            let [pigments @ .., water, dry_matter] = table.coefficients(2500.0);
+            assert!(pigments == [0.0; 4] && water > 50.0 && dry_matter > 20.0, "{water} {dry_matter}");
+        }
     }
 
     #[test]
@@ -121,10 +124,10 @@ mod tests {
 
     #[test]
     fn wavelengths_outside_of_the_tables_are_refused() {
-        check_wavelengths(&[400.0, 555.5, 780.0]).unwrap();
-        for nm in [399.9, 780.1, f64::NAN] {
+        check_wavelengths(&[400.0, 555.5, 2500.0]).unwrap();
+        for nm in [399.9, 2500.1, f64::NAN] {
             let message = check_wavelengths(&[500.0, nm]).unwrap_err().to_string();
-            assert!(message.contains(&format!("{nm} nm")) && message.contains("400 to 780"), "{message}");
+            assert!(message.contains(&format!("{nm} nm")) && message.contains("400 to 2500"), "{message}");
             assert!(Prospect5.index(nm).is_nan());
         }
     }

@@ -16,7 +16,7 @@ const ALLOWED: [(&str, &[&str]); 15] = [
     ("btf-textures", &[]),
     ("btf-voxelize", &["btf-capture", "btf-models", "btf-runtime"]),
     ("btf-fit", &["btf-capture", "btf-models", "btf-runtime", "btf-voxelize"]),
-    ("btf-python", &["btf-capture", "btf-fit", "btf-runtime"]),
+    ("btf-python", &["btf-capture", "btf-fit", "btf-runtime", "btf-synth"]),
     ("btf-viewer", &["btf-capture", "btf-models", "btf-runtime"]),
     ("btf-viewer-web", &["btf-capture", "btf-models", "btf-runtime", "btf-viewer"]),
     (

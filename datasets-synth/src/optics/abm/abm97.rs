@@ -45,8 +45,8 @@ use crate::error::{SynthError, check_range};
 use crate::optics::abm::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};
 use crate::optics::abm::tissue::{DepthParts, Tissue};
 use crate::optics::tables::abm::water;
-use crate::optics::tables::prospect_5::PROSPECT_5;
-use crate::optics::tables::{LEAF_FIRST_NM, LEAF_LAST_NM, interpolated};
+use crate::optics::tables::interpolated;
+use crate::optics::tables::leaf_table::{LEAF_FIRST_NM, LEAF_LAST_NM, PROSPECT_5};
 use crate::optics::units::{Centimetres, MicrogramsPerSquareCentimetre, Nanometres, SquareCentimetresPerMicrogram};
 
 /// Epidermis of one face.
@@ -267,10 +267,9 @@ fn carotenoid(wavelength: Nanometres) -> SquareCentimetresPerMicrogram {
     SquareCentimetresPerMicrogram(prospect_5(&PROSPECT_5.carotenoid, wavelength))
 }
 
-/// Returns the value of a pigment's column of PROSPECT-5; 0 beyond 780 nm, where pigments no longer absorb.
+/// Returns the value of a pigment's column of PROSPECT-5, beyond its ends that of its ends.
 fn prospect_5(column: &[f64], wavelength: Nanometres) -> f64 {
-    let nm = wavelength.0.max(LEAF_FIRST_NM);
-    if nm > LEAF_LAST_NM { 0.0 } else { interpolated(column, LEAF_FIRST_NM, 1.0, nm) }
+    interpolated(column, LEAF_FIRST_NM, 1.0, wavelength.0.clamp(LEAF_FIRST_NM, LEAF_LAST_NM))
 }
 
 #[cfg(test)]

@@ -6,4 +6,6 @@ pub(crate) mod model;
 pub(crate) mod paper;
 pub(crate) mod pile;
 pub(crate) mod shares;
+pub(crate) mod slopes;
 pub(crate) mod theta;
+pub(crate) mod theta_table;

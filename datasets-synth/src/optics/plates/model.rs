@@ -74,7 +74,7 @@ impl PlateModel {
     }
 }
 
-/// Returns reflectance and transmittance of a whole leaf at each of `wavelengths_nm` (400 to 780; for `plate-paper` any
+/// Returns reflectance and transmittance of a whole leaf at each of `wavelengths_nm` (400 to 2500; for `plate-paper` any
 /// of [`PAPER_WAVELENGTHS_NM`]), lit over a cone of half-angle `cone_deg` (0 to 90). `plate-paper` is printed for 0 and
 /// ignores `cone_deg` and `table`.
 ///
@@ -167,11 +167,36 @@ mod tests {
         assert!((reflectance - 0.1488).abs() < 1e-4 && (transmittance - 0.0773).abs() < 1e-4);
     }
 
+    /// Reflectance and transmittance that the Python package prosail 2.0.5 gives for PROSPECT-D.
+    #[test]
+    fn the_near_infrared_is_that_of_another_implementation() {
+        let thin = prospect(1.5, 40.0, 8.0, 0.0, 0.01, 0.005);
+        let thick = LeafContents { anthocyanin_ug_per_cm2: 2.0, ..prospect(2.1, 30.0, 7.0, 0.3, 0.02, 0.008) };
+        for (contents, nm, r, t) in [
+            (thin, 800.0, 0.459699, 0.492143),
+            (thin, 1000.0, 0.450486, 0.487043),
+            (thin, 1450.0, 0.173383, 0.219734),
+            (thin, 1940.0, 0.038578, 0.051530),
+            (thin, 2500.0, 0.039804, 0.072811),
+            (thick, 400.0, 0.043872, 0.000307),
+            (thick, 1200.0, 0.479491, 0.365407),
+            (thick, 1650.0, 0.337180, 0.277336),
+            (thick, 2200.0, 0.156642, 0.138641),
+        ] {
+            let (reflectance, transmittance) = single(PlateModel::N, ProspectD, &contents, nm);
+            assert!((reflectance - r).abs() < 2e-6 && (transmittance - t).abs() < 2e-6, "{nm} {reflectance}");
+            // Planted difference: a tenth more water.
+            let wet = LeafContents { water_cm: 1.1 * contents.water_cm, ..contents };
+            let (other, _) = single(PlateModel::N, ProspectD, &wet, nm);
+            assert!(nm < 900.0 || (other - r).abs() > 2e-5, "{nm} {other}");
+        }
+    }
+
     #[test]
     fn without_absorption_nothing_is_lost_for_any_number_of_layers() {
         for structure in [1.0, 1.5, 3.0] {
             let clear = prospect(structure, 0.0, 0.0, 0.0, 0.0, 0.0);
-            for nm in [400.0, 550.0, 675.0, 780.0] {
+            for nm in [400.0, 550.0, 675.0, 780.0, 1450.0, 2500.0] {
                 for model in [PlateModel::Exact, PlateModel::N] {
                     let (reflectance, transmittance) = single(model, ProspectD, &clear, nm);
                     assert!((reflectance + transmittance - 1.0).abs() < 1e-12, "{model:?} N {structure}, {nm} nm");
@@ -223,7 +248,7 @@ mod tests {
             plate_spectrum(model, ProspectD, contents, cone, &[nm]).unwrap_err().to_string()
         };
         assert!(message(PlateModel::Paper, &green, 0.0, 550.0).contains("675, 546 or 435 nm"));
-        assert!(message(PlateModel::N, &green, 40.0, 781.0).contains("400 to 780"));
+        assert!(message(PlateModel::N, &green, 40.0, 2501.0).contains("400 to 2500"));
         assert!(message(PlateModel::N, &green, 91.0, 550.0).contains("0 to 90 degrees"));
         for structure in [0.999, 0.0, -1.0, f64::NAN, f64::INFINITY] {
             let contents = LeafContents { structure, ..green };

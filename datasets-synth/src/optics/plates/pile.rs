@@ -72,44 +72,105 @@ pub(crate) fn check_structure(structure: f64) -> Result<(), SynthError> {
 /// not. `structure` must have been checked.
 #[inline]
 pub(crate) fn plate_n_inside_of(theta: f64, faces: DiffuseFaces, structure: f64) -> PlateOptics {
-    let first = plate_inside_of(theta, faces);
-    if structure == 1.0 {
-        return first;
+    Layers::new(theta, faces).inside(structure)
+}
+
+/// Layers of a pile: the first, and what all others are under diffuse light.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Layers {
+    /// Shares of the light that has entered the first layer.
+    first: PlateOptics,
+    /// Reflectance of one layer under diffuse light.
+    pub(crate) r: f64,
+    /// Transmittance of one layer under diffuse light.
+    pub(crate) t: f64,
+    /// Absorbed share, `1 - r - t`; kept because the difference loses its digits.
+    absorbed: f64,
+}
+
+impl Layers {
+    /// Returns the layers of transmission `theta` between `faces`.
+    #[inline]
+    pub(crate) fn new(theta: f64, faces: DiffuseFaces) -> Layers {
+        let first = plate_inside_of(theta, faces);
+        Layers {
+            first,
+            r: (1.0 - faces.entry) + faces.entry * first.reflectance,
+            t: faces.entry * first.transmittance,
+            absorbed: faces.entry * (1.0 - theta) / (1.0 - faces.inner_reflectance() * theta),
+        }
     }
-    // One layer under diffuse light.
-    let r = (1.0 - faces.entry) + faces.entry * first.reflectance;
-    let t = faces.entry * first.transmittance;
-    let absorbed = faces.entry * (1.0 - theta) / (1.0 - faces.inner_reflectance() * theta);
-    let rest = pile(r, t, absorbed, structure - 1.0);
-    let between = 1.0 / (1.0 - rest.reflectance * r);
-    PlateOptics {
-        reflectance: first.reflectance + first.transmittance * rest.reflectance * t * between,
-        transmittance: first.transmittance * rest.transmittance * between,
+
+    /// Returns the shares of the light that has entered `structure >= 1` layers.
+    #[inline]
+    pub(crate) fn inside(&self, structure: f64) -> PlateOptics {
+        let Layers { first, r, t, .. } = *self;
+        if structure == 1.0 {
+            return first;
+        }
+        let rest = self.pile(structure - 1.0);
+        let between = 1.0 / (1.0 - rest.reflectance * r);
+        PlateOptics {
+            reflectance: first.reflectance + first.transmittance * rest.reflectance * t * between,
+            transmittance: first.transmittance * rest.transmittance * between,
+        }
+    }
+
+    /// Returns reflectance and transmittance of `count > 0` layers under diffuse light.
+    #[inline]
+    fn pile(&self, count: f64) -> PlateOptics {
+        if self.absorbed <= 0.0 {
+            let transmittance = self.t / (self.t + (1.0 - self.t) * count);
+            return PlateOptics { reflectance: 1.0 - transmittance, transmittance };
+        }
+        self.stokes(count).optics()
+    }
+
+    /// Returns the terms of Stokes' solution for `count > 0` layers that absorb something.
+    #[inline]
+    pub(crate) fn stokes(&self, count: f64) -> Stokes {
+        let Layers { r, t, absorbed, .. } = *self;
+        let d = ((1.0 + r + t) * (1.0 + r - t) * (1.0 - r + t) * absorbed).sqrt();
+        let g_denominator = 1.0 + r * r - t * t + d;
+        let c_denominator = 1.0 - r * r + t * t + d;
+        let g = 2.0 * r / g_denominator;
+        // 1 - g and 1 - c without the cancellation: both near 0 where little is absorbed.
+        let one_minus_g = (absorbed * (1.0 - r + t) + d) / g_denominator;
+        let one_minus_c = (absorbed * (1.0 - t + r) + d) / c_denominator;
+        // At t = 0 the logarithm is -inf. Rounding may put 1 - c above 1.
+        let ln_c = (-one_minus_c.min(1.0)).ln_1p();
+        // c^count - 1.
+        let power_minus_1 = (count * ln_c).exp_m1();
+        let power = 1.0 + power_minus_1;
+        let one_minus_power2 = -power_minus_1 * (1.0 + power);
+        let one_minus_g2 = one_minus_g * (1.0 + g);
+        let one_minus_q2 = one_minus_g2 + one_minus_power2 - one_minus_g2 * one_minus_power2;
+        Stokes { d, g, ln_c, power, one_minus_power2, one_minus_g2, one_minus_q2 }
     }
 }
 
-/// Returns reflectance and transmittance of `count > 0` layers that reflect `r`, transmit `t` and absorb `absorbed` (r
-/// + t + absorbed = 1; it is a parameter because the difference loses its digits).
-#[inline]
-fn pile(r: f64, t: f64, absorbed: f64, count: f64) -> PlateOptics {
-    if absorbed <= 0.0 {
-        let transmittance = t / (t + (1.0 - t) * count);
-        return PlateOptics { reflectance: 1.0 - transmittance, transmittance };
+/// Terms of Stokes' solution for a pile: D, g and c of the notes of the module, c to the power of the number of layers,
+/// and what is small where little is absorbed. `q = g c^m`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stokes {
+    pub(crate) d: f64,
+    pub(crate) g: f64,
+    pub(crate) ln_c: f64,
+    pub(crate) power: f64,
+    one_minus_power2: f64,
+    one_minus_g2: f64,
+    pub(crate) one_minus_q2: f64,
+}
+
+impl Stokes {
+    /// Returns reflectance and transmittance of the pile.
+    #[inline]
+    pub(crate) fn optics(&self) -> PlateOptics {
+        PlateOptics {
+            reflectance: self.g * self.one_minus_power2 / self.one_minus_q2,
+            transmittance: self.power * self.one_minus_g2 / self.one_minus_q2,
+        }
     }
-    let d = ((1.0 + r + t) * (1.0 + r - t) * (1.0 - r + t) * absorbed).sqrt();
-    let g_denominator = 1.0 + r * r - t * t + d;
-    let c_denominator = 1.0 - r * r + t * t + d;
-    let g = 2.0 * r / g_denominator;
-    // 1 - g and 1 - c without the cancellation: both near 0 where little is absorbed.
-    let one_minus_g = (absorbed * (1.0 - r + t) + d) / g_denominator;
-    let one_minus_c = (absorbed * (1.0 - t + r) + d) / c_denominator;
-    // c^count - 1; at t = 0 the logarithm is -inf and this is -1. Rounding may put 1 - c above 1.
-    let power_minus_1 = (count * (-one_minus_c.min(1.0)).ln_1p()).exp_m1();
-    let power = 1.0 + power_minus_1;
-    let one_minus_power2 = -power_minus_1 * (1.0 + power);
-    let one_minus_g2 = one_minus_g * (1.0 + g);
-    let denominator = one_minus_g2 + one_minus_power2 - one_minus_g2 * one_minus_power2;
-    PlateOptics { reflectance: g * one_minus_power2 / denominator, transmittance: power * one_minus_g2 / denominator }
 }
 
 #[cfg(test)]

@@ -1,36 +1,7 @@
-//! Figures typed in from the literature; nothing is read at run time.
+//! Figures from the literature, compiled into the program.
 
 pub(crate) mod abm;
-pub(crate) mod prospect_5;
-#[allow(clippy::approx_constant, reason = "one refractive index happens to start with log2(e)'s digits")]
-pub(crate) mod prospect_d;
-
-/// Number of rows of a leaf table: 400 to 780 nm.
-pub(crate) const LEAF_ROWS: usize = 381;
-
-/// Wavelength of a leaf table's first row in nanometres; the rows are 1 nm apart.
-pub(crate) const LEAF_FIRST_NM: f64 = 400.0;
-
-/// Wavelength of a leaf table's last row in nanometres.
-pub(crate) const LEAF_LAST_NM: f64 = 780.0;
-
-/// Refractive index and specific absorptions of leaf tissue, by wavelength.
-pub(crate) struct LeafTable {
-    /// Refractive index.
-    pub(crate) index: [f64; LEAF_ROWS],
-    /// Specific absorption of chlorophyll a + b in cm2/ug.
-    pub(crate) chlorophyll: [f64; LEAF_ROWS],
-    /// Specific absorption of carotenoids in cm2/ug.
-    pub(crate) carotenoid: [f64; LEAF_ROWS],
-    /// Specific absorption of anthocyanins in cm2/ug.
-    pub(crate) anthocyanin: [f64; LEAF_ROWS],
-    /// Specific absorption of brown pigment, per arbitrary unit.
-    pub(crate) brown: [f64; LEAF_ROWS],
-    /// Specific absorption of water in 1/cm.
-    pub(crate) water: [f64; LEAF_ROWS],
-    /// Specific absorption of dry matter in cm2/g.
-    pub(crate) dry_matter: [f64; LEAF_ROWS],
-}
+pub(crate) mod leaf_table;
 
 /// Returns the value of a column, linear between its rows; NaN outside of them, so that a mistake shows.
 pub(crate) fn interpolated(column: &[f64], first_nm: f64, step_nm: f64, wavelength_nm: f64) -> f64 {

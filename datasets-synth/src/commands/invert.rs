@@ -1,0 +1,328 @@
+//! `btf-synth invert`: the contents of leaves from their measured spectra.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use btf_synth::{
+    Inversion, InversionParams, Inverter, LeafSpectra, LinePlot, PROSPECT_CONE_DEG, Series, State, SynthError, Unknown,
+    read_spectra,
+};
+use clap::Args;
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+
+use super::arguments::whole_number;
+use super::failure::Failure;
+use super::invert_maps;
+use super::model::{Model, Side, TissueArgs};
+use super::run_args::{RunArgs, write_text};
+
+#[derive(Args)]
+#[command(after_help = "Examples:
+  btf-synth invert leaves.csv
+  btf-synth invert leaves.csv --hold cbrown=0,cant=0 --csv contents.csv --plots fits
+  btf-synth invert percent.csv --percent --model abm-b --side abaxial --json -
+  btf-synth invert --capture LEAF --capture LEAF-FROM-BEHIND -o leaf")]
+pub struct InvertArgs {
+    /// Tables of spectra (CSV): wavelengths in nm in the first column and a share of light of a leaf in each other one,
+    /// or a leaf's share in each row
+    #[arg(required_unless_present = "captures", value_name = "SPECTRA.csv")]
+    files: Vec<PathBuf>,
+    /// Capture of a leaf (with another one, lit from behind): maps of its contents, as textures of a leaf file
+    #[arg(long = "capture", value_name = "CAPTURE", conflicts_with = "files", requires = "out")]
+    captures: Vec<PathBuf>,
+    /// New folder for leaf.toml, its textures and their standard errors
+    #[arg(short = 'o', long, value_name = "DIR", requires = "captures")]
+    out: Option<PathBuf>,
+    /// Model of the leaf's optics: plate-n, abm97, abm-b or abm-u
+    #[arg(long, value_enum, default_value_t = Model::PlateN)]
+    model: Model,
+    /// Values that are known, such as cbrown=0,cw=0.012 (cab, car, cant, cbrown, cw, cm, n; rest of algorithmic models)
+    #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
+    hold: Vec<String>,
+    /// Values of the tables are percent
+    #[arg(long)]
+    percent: bool,
+    /// Face that was lit (plates are alike from both)
+    #[arg(long, value_enum, default_value_t = Side::Adaxial)]
+    side: Side,
+    /// Half-angle of the cone of incident light in degrees, plates only
+    #[arg(long, default_value_t = PROSPECT_CONE_DEG)]
+    cone_deg: f64,
+    /// Take errors at neighbouring wavelengths for independent, as plain least squares do
+    #[arg(long)]
+    independent: bool,
+    #[command(flatten)]
+    tissue: TissueArgs,
+    #[command(flatten)]
+    run: RunArgs,
+    /// Rays of each trace of an algorithmic model, such as 1e6
+    #[arg(long, value_parser = whole_number, default_value = "2e5")]
+    rays: u64,
+    /// Seed of the rays
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Write the contents as a table, one row a leaf
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+    /// Write measured and fitted spectra as an SVG plot for each leaf into a folder
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+}
+
+/// Finds the contents and writes the results.
+pub fn run(args: &InvertArgs) -> Result<(), Failure> {
+    let params = params(args)?;
+    if let Some(out) = &args.out {
+        let unknowns = params.unknowns();
+        let held = unknowns.iter().zip(params.held).filter_map(|(unknown, held)| Some((unknown.option, held?)));
+        return invert_maps::run(&args.captures, out, &held.collect::<Vec<_>>(), &args.run);
+    }
+    let mut leaves = Vec::new();
+    for file in &args.files {
+        let read = read_spectra(file, if args.percent { 0.01 } else { 1.0 })?;
+        leaves.extend(read.leaves);
+    }
+    let started = Instant::now();
+    let groups = groups(&leaves);
+    let done = AtomicUsize::new(0);
+    let found: Vec<Found> = args.run.work("invert", "leaves", leaves.len(), |progress| {
+        let inverters: Vec<Inverter> = groups
+            .firsts
+            .iter()
+            .map(|first| Inverter::new(&params, &leaves[*first].wavelengths_nm))
+            .collect::<Result<_, _>>()?;
+        let invert = |(leaf, group): (&LeafSpectra, &usize)| {
+            let inverter = &inverters[*group];
+            let found = inverter.invert(leaf);
+            let done = 1 + done.fetch_add(1, Ordering::Relaxed);
+            if progress(done, leaves.len()).is_break() {
+                return Err(SynthError::Stopped);
+            }
+            let fitted = if args.plots.is_some() { inverter.spectra_of(&found.values) } else { Default::default() };
+            Ok(Found { inversion: found, fitted })
+        };
+        leaves.par_iter().zip(&groups.of_leaf).map(invert).collect()
+    })?;
+    let seconds = started.elapsed().as_secs_f64();
+    if let Some(folder) = &args.plots {
+        write_plots(folder, args, &leaves, &found)?;
+    }
+    let unknowns = &params.unknowns();
+    let rows: Vec<(&LeafSpectra, &Inversion)> = leaves.iter().zip(found.iter().map(|found| &found.inversion)).collect();
+    if let Some(file) = &args.csv {
+        write_text(file, &csv(unknowns, &rows))?;
+    }
+    let result = json!({
+        "model": args.model.to_string(),
+        "unknowns": unknowns.iter().map(|unknown| unknown.key).collect::<Vec<_>>(),
+        "leaves": rows.iter().map(|(leaf, found)| figures(unknowns, leaf, found)).collect::<Vec<_>>(),
+        "seconds": seconds,
+    });
+    args.run.report(&result, &table(unknowns, &rows))
+}
+
+/// Result of a leaf, with the model's spectra where plots are asked for.
+struct Found {
+    inversion: Inversion,
+    fitted: [Vec<f64>; 2],
+}
+
+fn params(args: &InvertArgs) -> Result<InversionParams, Failure> {
+    let model = args.tissue.leaf_model(args.model, None, None)?;
+    if !(0.0..=90.0).contains(&args.cone_deg) {
+        return Err(Failure::Usage(format!("--cone-deg is {}; give 0 to 90", args.cone_deg)));
+    }
+    let mut params = InversionParams {
+        model,
+        face: args.side.into(),
+        cone_deg: args.cone_deg,
+        rays: args.rays.max(1),
+        seed: args.seed,
+        correlated: !args.independent,
+        ..InversionParams::default()
+    };
+    for pair in &args.hold {
+        let known = params.unknowns();
+        let options = || known.iter().map(|unknown| unknown.option).collect::<Vec<_>>().join(", ");
+        let held = pair.split_once('=').and_then(|(key, value)| {
+            let at = known.iter().position(|unknown| unknown.option == key.trim())?;
+            Some((at, value.trim().parse::<f64>().ok().filter(|value| value.is_finite())?))
+        });
+        let (at, value) = held.ok_or_else(|| {
+            Failure::Usage(format!(
+                "--hold {pair} is no KEY=VALUE with a number and one of {} for {}",
+                options(),
+                args.model
+            ))
+        })?;
+        params.held[at] = Some(value);
+    }
+    Ok(params)
+}
+
+/// Leaves that share their wavelengths.
+struct Groups {
+    /// A leaf of each group.
+    firsts: Vec<usize>,
+    /// Group of each leaf.
+    of_leaf: Vec<usize>,
+}
+
+fn groups(leaves: &[LeafSpectra]) -> Groups {
+    let mut groups = Groups { firsts: Vec::new(), of_leaf: Vec::new() };
+    for (i, leaf) in leaves.iter().enumerate() {
+        let same = |first: &usize| leaves[*first].wavelengths_nm == leaf.wavelengths_nm;
+        // Most tables have one.
+        let group = groups.firsts.iter().rposition(same).unwrap_or_else(|| {
+            groups.firsts.push(i);
+            groups.firsts.len() - 1
+        });
+        groups.of_leaf.push(group);
+    }
+    groups
+}
+
+/// Returns the JSON form of a leaf's result.
+fn figures(unknowns: &[Unknown], leaf: &LeafSpectra, found: &Inversion) -> Value {
+    let content = |i: usize| {
+        json!({
+            "value": found.values[i],
+            "standard_error": found.standard_errors[i],
+            "state": found.states[i].name(),
+        })
+    };
+    let contents: Map<String, Value> =
+        unknowns.iter().enumerate().map(|(i, unknown)| (unknown.key.to_owned(), content(i))).collect();
+    let count = unknowns.len();
+    json!({
+        "name": leaf.name,
+        "contents": contents,
+        "correlations": found.correlations[..count].iter().map(|row| &row[..count]).collect::<Vec<_>>(),
+        "rmse_reflectance": found.rmse[0],
+        "rmse_transmittance": found.rmse[1],
+        "remarks": found.remarks,
+    })
+}
+
+/// Returns a row for each leaf.
+fn csv(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
+    let mut text = String::from("name");
+    for unknown in unknowns {
+        text += &format!(",{0},{0}_standard_error,{0}_state", unknown.key);
+    }
+    text += ",rmse_reflectance,rmse_transmittance,remarks\n";
+    for (leaf, found) in rows {
+        text += &quoted(&leaf.name);
+        for i in 0..unknowns.len() {
+            text += &format!(",{},{},{}", found.values[i], found.standard_errors[i], found.states[i].name());
+        }
+        for rmse in found.rmse {
+            text += &rmse.map_or_else(|| ",".to_owned(), |rmse| format!(",{rmse}"));
+        }
+        text += &format!(",{}\n", quoted(&found.remarks.join("; ")));
+    }
+    text
+}
+
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
+/// Leaves that are written with a line for each content; more get a row each.
+const FEW: usize = 4;
+
+/// Returns the results for a reader.
+fn table(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
+    let mut text = String::new();
+    if rows.len() <= FEW {
+        for (leaf, found) in rows {
+            text += &format!("{}, misses its spectra by {}\n", leaf.name, missed(found));
+            for (i, unknown) in unknowns.iter().enumerate() {
+                let worth = match found.states[i] {
+                    State::Found => format!("+- {:.2}", Short(found.standard_errors[i])),
+                    other => format!("({})", other.name()),
+                };
+                text += &format!(
+                    "  {:>10} {:<7} {worth:<12} {}\n",
+                    format!("{:.4}", Short(found.values[i])),
+                    unknown.unit,
+                    unknown.name
+                );
+            }
+            text.extend(found.remarks.iter().map(|remark| format!("  note: {remark}\n")));
+        }
+        return text.trim_end().to_owned();
+    }
+    let width = rows.iter().map(|(leaf, _)| leaf.name.chars().count()).fold(4, usize::max);
+    text += &format!("{:<width$}", "leaf");
+    text.extend(unknowns.iter().map(|unknown| format!("  {:>16}", unknown.option)));
+    text += "  misses by\n";
+    for (leaf, found) in rows {
+        text += &format!("{:<width$}", leaf.name);
+        for i in 0..unknowns.len() {
+            let worth = match found.states[i] {
+                State::Found => format!("{:.4} +- {:.2}", Short(found.values[i]), Short(found.standard_errors[i])),
+                other => format!("{:.4} {}", Short(found.values[i]), other.name()),
+            };
+            text += &format!("  {worth:>16}");
+        }
+        text += &format!("  {}\n", missed(found));
+    }
+    let kinds: BTreeSet<usize> = (0..rows.len()).filter(|i| !rows[*i].1.remarks.is_empty()).collect();
+    if !kinds.is_empty() {
+        text += &format!("{} of {} leaves have remarks: --json or --csv tells them\n", kinds.len(), rows.len());
+    }
+    text.trim_end().to_owned()
+}
+
+/// Number with so many digits as the precision asks for.
+struct Short(f64);
+
+impl std::fmt::Display for Short {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let digits = f.precision().unwrap_or(4) as i32;
+        let decimals = (digits - 1 - self.0.abs().max(1e-12).log10().floor() as i32).clamp(0, 6) as usize;
+        let text = if self.0 == 0.0 { "0".to_owned() } else { format!("{:.decimals$}", self.0) };
+        f.write_str(&text)
+    }
+}
+
+fn missed(found: &Inversion) -> String {
+    let of = |side: usize, letter: &str| found.rmse[side].map(|rmse| format!("{rmse:.4} {letter}"));
+    [of(0, "R"), of(1, "T")].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+fn write_plots(folder: &Path, args: &InvertArgs, leaves: &[LeafSpectra], found: &[Found]) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| Failure::Failed(format!("{} cannot be made ({error})", folder.display())))?;
+    let mut names = BTreeSet::new();
+    for (number, (leaf, Found { fitted, .. })) in leaves.iter().zip(found).enumerate() {
+        let plain: String =
+            leaf.name.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect();
+        let name = if names.insert(plain.clone()) { plain } else { format!("{plain}-{number}") };
+        write_text(&folder.join(format!("{name}.svg")), &plot(args, leaf, fitted))?;
+    }
+    Ok(())
+}
+
+fn plot(args: &InvertArgs, leaf: &LeafSpectra, fitted: &[Vec<f64>; 2]) -> String {
+    let mut series = Vec::new();
+    for (what, (measured, fitted)) in ["R", "T"].into_iter().zip(leaf.shares.iter().zip(fitted)) {
+        if measured.iter().all(|share| share.is_nan()) {
+            continue;
+        }
+        let over = |values: &[f64]| leaf.wavelengths_nm.iter().copied().zip(values.iter().copied()).collect();
+        series.push(Series { label: format!("{what}, measured"), points: over(measured) });
+        series.push(Series { label: format!("{what}, {}", args.model), points: over(fitted) });
+    }
+    LinePlot {
+        title: leaf.name.clone(),
+        x_label: "wavelength in nm".into(),
+        y_label: "share of incident light".into(),
+        series,
+    }
+    .svg()
+}

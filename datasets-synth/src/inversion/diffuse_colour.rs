@@ -1,0 +1,123 @@
+//! Diffuse colour of each texel of a capture: what its body sends back, without gloss and shadows.
+//!
+//! Under each of some pairs of view and light that are neither grazing nor near the mirror direction a texel shows
+//! `colour x cosine`. Gloss adds to a few of them, shadows take from a few; the median over all is neither.
+
+use btf_capture::{Capture, CaptureInfo, Pixels};
+use rayon::prelude::*;
+
+use crate::error::SynthError;
+use crate::surface::capture::Progress;
+use crate::vector::dot;
+
+/// Polar angle in degrees up to which views and lights count.
+const MAX_THETA_DEG: f64 = 62.0;
+/// Angle in degrees from the mirror direction from which on a view counts.
+const MIN_FROM_MIRROR_DEG: f64 = 35.0;
+/// Pairs that are looked at, at most, and the bytes that their values may take.
+const MAX_PAIRS: usize = 48;
+const MAX_BYTES: usize = 1 << 30;
+/// Pairs below which a median says little.
+const MIN_PAIRS: usize = 3;
+/// Standard error of a colour at least: that of 8-bit values.
+const MIN_ERROR: f32 = 2e-3;
+/// Standard deviation of normal errors over their median absolute deviation, and of a median over that of a mean.
+const DEVIATION: f32 = 1.4826;
+const MEDIAN: f32 = 1.2533;
+
+/// Colour of each texel, row-major from the top left.
+#[derive(Debug, Clone)]
+pub(crate) struct DiffuseColour {
+    /// Linear sRGB: a share of the light that falls in.
+    pub(crate) rgb: Vec<[f32; 3]>,
+    /// Standard error of each colour, from how the pairs differ.
+    pub(crate) errors: Vec<[f32; 3]>,
+}
+
+/// Returns the colour of each texel of `capture`.
+///
+/// # Errors
+/// Those of reading; [`SynthError::BadParameter`] for a capture without enough pairs that count;
+/// [`SynthError::Stopped`] if `progress`, which gets the number of images read, asks for it.
+pub(crate) fn diffuse_colour(capture: &Capture, progress: Progress) -> Result<DiffuseColour, SynthError> {
+    let info = capture.info();
+    let texels = info.texel_count();
+    let pairs = chosen(info, (MAX_BYTES / (12 * texels.max(1))).clamp(MIN_PAIRS, MAX_PAIRS));
+    if pairs.len() < MIN_PAIRS {
+        return Err(SynthError::BadParameter {
+            name: "--capture",
+            value: info.name.clone(),
+            allowed: format!(
+                "one with {MIN_PAIRS} images or more below {MAX_THETA_DEG} degrees and {MIN_FROM_MIRROR_DEG} degrees off the mirror direction"
+            ),
+        });
+    }
+    let done = std::sync::atomic::AtomicUsize::new(0);
+    let images: Vec<Vec<f32>> = pairs
+        .par_iter()
+        .map(|pair| {
+            let (view, light) = (pair / info.lights.len(), pair % info.lights.len());
+            let cosine = info.lights.directions()[light].theta_deg.to_radians().cos().abs() as f32;
+            let linear: Vec<f32> = match capture.read(view, light)? {
+                Pixels::Encoded8(values) => {
+                    let table = info.linear_from_encoded8(light);
+                    values.iter().map(|value| table[usize::from(*value)]).collect()
+                }
+                Pixels::Linear(values) => values,
+            };
+            let done = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            if progress(done, pairs.len()).is_break() {
+                return Err(SynthError::Stopped);
+            }
+            Ok(linear.iter().map(|value| value / cosine).collect())
+        })
+        .collect::<Result<_, SynthError>>()?;
+    let (rgb, errors) = (0..texels).into_par_iter().map(|texel| median_colour(&images, texel)).unzip();
+    Ok(DiffuseColour { rgb, errors })
+}
+
+/// Returns the pairs that count, at most `most`, spread over all.
+fn chosen(info: &CaptureInfo, most: usize) -> Vec<usize> {
+    let (views, lights) = (info.views.units(), info.lights.units());
+    let least_cos = MAX_THETA_DEG.to_radians().cos() as f32;
+    let most_along = MIN_FROM_MIRROR_DEG.to_radians().cos() as f32;
+    let counts = |pair: &usize| {
+        let (wo, wi) = (views[pair / lights.len()], lights[pair % lights.len()]);
+        // Behind the leaf the light goes straight on, which no gloss does.
+        let mirror = [-wi[0], -wi[1], wi[2]];
+        wo[2] >= least_cos && wi[2].abs() >= least_cos && (info.side.is_transmission() || dot(wo, mirror) < most_along)
+    };
+    let all: Vec<usize> = info.present_pairs().filter(counts).collect();
+    let count = most.min(all.len());
+    // Steps of the golden ratio meet views and lights alike, where even steps would keep to some lights.
+    let mut order: Vec<(f64, usize)> =
+        all.iter().enumerate().map(|(i, pair)| ((i as f64 * GOLDEN).fract(), *pair)).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut pairs: Vec<usize> = order[..count].iter().map(|(_, pair)| *pair).collect();
+    pairs.sort_unstable();
+    pairs
+}
+
+/// Fraction of the golden ratio.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// Returns the median colour of a texel and its standard error.
+fn median_colour(images: &[Vec<f32>], texel: usize) -> ([f32; 3], [f32; 3]) {
+    let (mut rgb, mut errors) = ([0.0; 3], [0.0; 3]);
+    let mut values = Vec::with_capacity(images.len());
+    for channel in 0..3 {
+        values.clear();
+        values.extend(images.iter().map(|image| image[3 * texel + channel]));
+        let middle = median(&mut values);
+        values.iter_mut().for_each(|value| *value = (*value - middle).abs());
+        let deviation = DEVIATION * median(&mut values);
+        rgb[channel] = middle;
+        errors[channel] = (MEDIAN * deviation / (images.len() as f32).sqrt()).max(MIN_ERROR);
+    }
+    (rgb, errors)
+}
+
+fn median(values: &mut [f32]) -> f32 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}

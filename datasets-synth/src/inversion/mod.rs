@@ -1,0 +1,14 @@
+//! From measured spectra, or a capture, to the contents of a leaf.
+
+pub(crate) mod diffuse_colour;
+pub(crate) mod forward;
+pub(crate) mod invert;
+pub(crate) mod least_squares;
+pub(crate) mod maps;
+pub(crate) mod outcome;
+pub(crate) mod plates;
+pub(crate) mod remarks;
+pub(crate) mod spectra;
+pub(crate) mod spectra_file;
+pub(crate) mod tissue;
+pub(crate) mod whitening;

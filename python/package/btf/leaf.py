@@ -1,0 +1,52 @@
+"""Leaves: their contents from measured spectra.
+
+`invert` finds chlorophyll, carotenoids, anthocyanins, brown pigment, water, dry matter and the structure N of leaves from
+reflectance, transmittance or both, as `btf-synth invert` does.
+"""
+
+from typing import Any, Dict, Literal, Mapping, Optional
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._btf import invert_leaves as _invert_leaves
+
+__all__ = ["invert"]
+
+
+def _rows(shares: Optional[ArrayLike]) -> Optional[np.ndarray]:
+    """One row for each leaf, in double precision."""
+    return None if shares is None else np.ascontiguousarray(np.atleast_2d(np.asarray(shares, dtype=np.float64)))
+
+
+def invert(
+    wavelengths_nm: ArrayLike,
+    reflectance: Optional[ArrayLike] = None,
+    transmittance: Optional[ArrayLike] = None,
+    *,
+    model: Literal["plate-n", "abm97", "abm-b", "abm-u"] = "plate-n",
+    side: Literal["adaxial", "abaxial"] = "adaxial",
+    held: Optional[Mapping[str, float]] = None,
+    independent: bool = False,
+    rays: int = 200_000,
+    seed: int = 1,
+    threads: int = 0,
+) -> Dict[str, Any]:
+    """Finds the contents of leaves from their spectra.
+
+    wavelengths_nm: ascending; those outside of 400 to 2500 are passed over.
+    reflectance, transmittance: shares of light, (wavelengths,) or (leaves, wavelengths); NaN where nothing was measured.
+    model: the leaf's optics. side: the face that was lit; plates are alike from both.
+    held: values that are known, such as {"brown": 0}.
+    independent: take errors at neighbouring wavelengths for independent, as plain least squares do.
+    rays, seed: of the traces of an algorithmic model. threads: 0 for as many as there are processors.
+
+    Returns arrays, one number for each leaf: for each key in "unknowns" the value, KEY + "_standard_error" and KEY + "_state"
+    ("found", "at-bound", "held", "untold"); "correlations" (leaves, unknowns, unknowns); "rmse_reflectance" and
+    "rmse_transmittance"; "remarks", a list of sentences for each leaf. Raises ValueError for spectra and values that do not
+    fit.
+    """
+    nm = np.ascontiguousarray(np.asarray(wavelengths_nm, dtype=np.float64))
+    return _invert_leaves(
+        nm, _rows(reflectance), _rows(transmittance), model, side, dict(held or {}), independent, rays, seed, threads
+    )

@@ -1,0 +1,221 @@
+//! How well and how quickly contents of leaves are found from spectra: rows of docs/results/leaf-optics.md as Markdown.
+//! `cargo run --release -p btf-tests -- leaf_inversion [FOLDER...]`
+//!
+//! A folder is a set of measured leaves as github.com/ashiklom/spectra_db keeps them (`data/angers`, `data/lopex`):
+//! `metadata.csvy` with the chemistry by `observation_id`, and `spectra/ID.csvy` with a column for each share of light.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::fs;
+use std::path::Path;
+use std::time::Instant;
+
+use btf_capture::delimited::{fields, lines};
+use btf_synth::{
+    Inversion, InversionParams, Inverter, LeafContents, LeafSpectra, MAX_UNKNOWNS, PROSPECT_CONE_DEG, PlateModel,
+    SpecificAbsorption, plate_spectrum,
+};
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// Leaves of each row about noise.
+const LEAVES: usize = 2000;
+
+/// One thread: speeds are per core.
+pub fn run(folders: &[String]) -> Result<(), Box<dyn Error>> {
+    noise()?;
+    for folder in folders {
+        measured(Path::new(folder))?;
+    }
+    Ok(())
+}
+
+fn evenly(first: f64, last: f64, step: f64) -> Vec<f64> {
+    (0..=((last - first) / step).round() as usize).map(|i| first + step * i as f64).collect()
+}
+
+/// Draws a leaf like those that are measured.
+fn any_leaf(random: &mut Xoshiro256PlusPlus) -> LeafContents {
+    let mut between = |low: f64, high: f64| low + (high - low) * random.r#gen::<f64>();
+    LeafContents {
+        chlorophyll_ug_per_cm2: between(2.0, 90.0),
+        carotenoid_ug_per_cm2: between(1.0, 20.0),
+        anthocyanin_ug_per_cm2: between(0.0, 5.0),
+        brown: between(0.0, 0.3),
+        water_cm: between(0.004, 0.03),
+        dry_matter_g_per_cm2: between(0.002, 0.015),
+        structure: between(1.1, 2.5),
+    }
+}
+
+fn values_of(leaf: &LeafContents) -> [f64; MAX_UNKNOWNS] {
+    [
+        leaf.chlorophyll_ug_per_cm2,
+        leaf.carotenoid_ug_per_cm2,
+        leaf.anthocyanin_ug_per_cm2,
+        leaf.brown,
+        leaf.water_cm,
+        leaf.dry_matter_g_per_cm2,
+        leaf.structure,
+    ]
+}
+
+fn noise() -> Result<(), Box<dyn Error>> {
+    println!("## Spectra of plate-n with normal noise of 0.01, {LEAVES} leaves, one core\n");
+    println!(
+        "| wavelengths, nm | shares | chlorophyll | carotenoids | anthocyanins | water, um | dry matter, mg/cm2 | N | leaves/s |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    for (first, last, step) in [(400.0, 700.0, 10.0), (400.0, 800.0, 5.0), (400.0, 2500.0, 10.0), (400.0, 2500.0, 1.0)]
+    {
+        let nm = evenly(first, last, step);
+        for both in [true, false] {
+            let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+            let leaves: Vec<LeafContents> = (0..LEAVES).map(|_| any_leaf(&mut random)).collect();
+            let spectra = leaves.iter().map(|leaf| noisy(leaf, &nm, both, &mut random));
+            let spectra = spectra.collect::<Result<Vec<LeafSpectra>, Box<dyn Error>>>()?;
+            let inverter = Inverter::new(&InversionParams::default(), &nm)?;
+            let started = Instant::now();
+            let found: Vec<Inversion> = spectra.iter().map(|spectra| inverter.invert(spectra)).collect();
+            let speed = LEAVES as f64 / started.elapsed().as_secs_f64();
+            let rms = |i: usize| {
+                let squares =
+                    found.iter().zip(&leaves).map(|(found, leaf)| (found.values[i] - values_of(leaf)[i]).powi(2));
+                (squares.sum::<f64>() / LEAVES as f64).sqrt()
+            };
+            println!(
+                "| {first} to {last} by {step} | {} | {:.2} | {:.2} | {:.2} | {:.0} | {:.2} | {:.3} | {speed:.0} |",
+                if both { "R, T" } else { "R" },
+                rms(0),
+                rms(1),
+                rms(2),
+                1e4 * rms(4),
+                1e3 * rms(5),
+                rms(6),
+            );
+        }
+    }
+    Ok(())
+}
+
+fn noisy(
+    leaf: &LeafContents,
+    nm: &[f64],
+    both: bool,
+    random: &mut Xoshiro256PlusPlus,
+) -> Result<LeafSpectra, Box<dyn Error>> {
+    let optics = plate_spectrum(PlateModel::N, SpecificAbsorption::ProspectD, leaf, PROSPECT_CONE_DEG, nm)?;
+    let mut noisy = |share: f64| {
+        let (radius, turn) = ((-2.0 * (1.0 - random.r#gen::<f64>()).ln()).sqrt(), random.r#gen::<f64>());
+        share + 0.01 * radius * (std::f64::consts::TAU * turn).cos()
+    };
+    let reflectance: Vec<f64> = optics.iter().map(|optics| noisy(optics.reflectance)).collect();
+    let transmittance: Vec<f64> = optics.iter().map(|optics| noisy(optics.transmittance)).collect();
+    Ok(LeafSpectra::new("leaf", nm, &reflectance, if both { &transmittance } else { &[] })?)
+}
+
+/// Contents with a measured counterpart: index, name with the unit, column of the metadata, factor to the unit.
+const CHEMISTRY: [(usize, &str, &str, f64); 4] = [
+    (0, "chlorophyll, ug/cm2", "leaf_chltot_per_area", 1.0),
+    (1, "carotenoids, ug/cm2", "leaf_cartot_per_area", 1.0),
+    (4, "water, mg/cm2", "leaf_water_thickness", 1e3),
+    (5, "dry matter, mg/cm2", "leaf_mass_per_area", 1e3),
+];
+
+fn measured(folder: &Path) -> Result<(), Box<dyn Error>> {
+    let chemistry = chemistry(&folder.join("metadata.csvy"))?;
+    let mut paths: Vec<_> =
+        fs::read_dir(folder.join("spectra"))?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+    paths.sort();
+    println!("\n## Measured leaves of {}\n", folder.file_name().unwrap_or_default().to_string_lossy());
+    println!(
+        "| errors of the model | content | leaves | RMSE | bias | R2 | standard error, median | within two of them |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for correlated in [true, false] {
+        let params = InversionParams { correlated, ..InversionParams::default() };
+        let mut inverter: Option<(Vec<f64>, Inverter)> = None;
+        let mut found = Vec::new();
+        for path in &paths {
+            let id = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let Some(truth) = chemistry.get(&id) else { continue };
+            for leaf in leaves_of(path)? {
+                if inverter.as_ref().is_none_or(|(nm, _)| *nm != leaf.wavelengths_nm) {
+                    inverter = Some((leaf.wavelengths_nm.clone(), Inverter::new(&params, &leaf.wavelengths_nm)?));
+                }
+                if let Some((_, inverter)) = &inverter {
+                    found.push((truth, inverter.invert(&leaf)));
+                }
+            }
+        }
+        for (index, name, column, factor) in CHEMISTRY {
+            row(if correlated { "hang together" } else { "independent" }, (index, name, column, factor), &found);
+        }
+    }
+    Ok(())
+}
+
+fn row(
+    errors: &str,
+    (index, name, column, factor): (usize, &str, &str, f64),
+    found: &[(&BTreeMap<String, f64>, Inversion)],
+) {
+    let pairs: Vec<[f64; 3]> = found
+        .iter()
+        .filter_map(|(truth, found)| {
+            let truth = truth.get(column).filter(|truth| **truth > -900.0)?;
+            Some([*truth, found.values[index], found.standard_errors[index]].map(|x| factor * x))
+        })
+        .collect();
+    let count = pairs.len() as f64;
+    let mean = |of: &dyn Fn(&[f64; 3]) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+    let (x, y) = (mean(&|pair| pair[0]), mean(&|pair| pair[1]));
+    let rmse = mean(&|pair| (pair[1] - pair[0]).powi(2)).sqrt();
+    let shared = mean(&|pair| (pair[0] - x) * (pair[1] - y));
+    let r2 = shared * shared / (mean(&|pair| (pair[0] - x).powi(2)) * mean(&|pair| (pair[1] - y).powi(2)));
+    let within = mean(&|pair| f64::from(u8::from((pair[1] - pair[0]).abs() < 2.0 * pair[2])));
+    let mut worth: Vec<f64> = pairs.iter().map(|pair| pair[2]).collect();
+    worth.sort_by(f64::total_cmp);
+    println!(
+        "| {errors} | {name} | {count} | {rmse:.2} | {:+.2} | {r2:.2} | {:.2} | {:.0} % |",
+        y - x,
+        worth[worth.len() / 2],
+        100.0 * within
+    );
+}
+
+/// Reads the numbers of a set's metadata, by leaf and column.
+fn chemistry(path: &Path) -> Result<BTreeMap<String, BTreeMap<String, f64>>, Box<dyn Error>> {
+    let text = fs::read_to_string(path)?;
+    let mut rows = lines(&text).map(|(_, line)| fields(line, ','));
+    let names = rows.next().ok_or("the metadata are empty")??;
+    let mut chemistry = BTreeMap::new();
+    for row in rows {
+        let row = row?;
+        let of = |name: &str| names.iter().position(|known| known == name).and_then(|at| row.get(at));
+        let id = of("observation_id").ok_or("a leaf has no observation_id")?.clone();
+        let numbers = names.iter().zip(&row).filter_map(|(name, cell)| Some((name.clone(), cell.parse().ok()?)));
+        chemistry.insert(id, numbers.collect());
+    }
+    Ok(chemistry)
+}
+
+/// Reads the leaves of a file: reflectance and transmittance by turns.
+fn leaves_of(path: &Path) -> Result<Vec<LeafSpectra>, Box<dyn Error>> {
+    let text = fs::read_to_string(path)?;
+    let types = text.lines().skip_while(|line| !line.starts_with("#spectra_types")).skip(1);
+    let types: Vec<&str> = types.map_while(|line| line.strip_prefix("#- ")).collect();
+    let rows = lines(&text).skip(1).map(|(_, line)| fields(line, ','));
+    let rows = rows.collect::<Result<Vec<Vec<String>>, _>>()?;
+    let column =
+        |at: usize| rows.iter().map(|row| row.get(at).and_then(|x| x.parse().ok()).unwrap_or(f64::NAN)).collect();
+    let nm: Vec<f64> = column(0);
+    let mut leaves = Vec::new();
+    for (at, pair) in types.chunks(2).enumerate() {
+        if pair == ["R", "T"] {
+            let (r, t): (Vec<f64>, Vec<f64>) = (column(2 * at + 1), column(2 * at + 2));
+            leaves.push(LeafSpectra::new("leaf", &nm, &r, &t)?);
+        }
+    }
+    Ok(leaves)
+}
