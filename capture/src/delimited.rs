@@ -1,9 +1,10 @@
 //! Text tables whose fields are separated by commas, semicolons or tabs: CSV, as it comes from many programs.
 
-/// Returns the lines of a table with their numbers from 1, trimmed, without empty lines and comments (`#`).
+/// Returns the lines of a table with their numbers from 1, without spaces around them, empty lines and comments (`#`). Tabs
+/// stay, since an empty first field has nothing else.
 pub fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
-    numbered.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
+    let numbered = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim_matches([' ', '\r'])));
+    numbered.filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'))
 }
 
 /// Returns the separator of a table by its heading: the commonest of comma, semicolon and tab.
@@ -75,9 +76,13 @@ mod tests {
 
     #[test]
     fn lines_keep_their_numbers_and_the_heading_tells_the_separator() {
-        let text = "# by hand\n\n nm;R;T\n400;0,1;0,2\n";
-        let lines: Vec<(usize, &str)> = lines(text).collect();
-        assert_eq!(lines, [(3, "nm;R;T"), (4, "400;0,1;0,2")]);
-        assert_eq!([separator_of(lines[0].1), separator_of("a\tb"), separator_of("a")], [';', '\t', '\t']);
+        let text = "# by hand\n\n nm;R;T\r\n400;0,1;0,2\n";
+        let numbered: Vec<(usize, &str)> = lines(text).collect();
+        assert_eq!(numbered, [(3, "nm;R;T"), (4, "400;0,1;0,2")]);
+        assert_eq!(
+            fields("\ta\tb", '\t').unwrap().len(),
+            lines("\ta\tb").map(|(_, line)| fields(line, '\t').unwrap().len()).sum()
+        );
+        assert_eq!([separator_of(numbered[0].1), separator_of("a\tb"), separator_of("a")], [';', '\t', '\t']);
     }
 }

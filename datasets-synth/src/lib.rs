@@ -5,7 +5,7 @@
 //!
 //! 1. [`LeafContents`]: pigments per area, and [`SpecificAbsorption`]: what they absorb.
 //! 2. [`PlateModel`]: [`plate_n`], a leaf as N absorbing plates; [`plate`], as one; [`plate_paper`],
-//!    as printed. [`plate_spectrum`] gives a whole leaf's spectra, [`PlateBody`] a texel's colour.
+//!    as printed; [`TwoHalves`], a leaf whose faces differ. [`plate_spectrum`] gives a whole leaf's spectra, [`PlateBody`] a texel's colour.
 //!    [`CookTorrance`]: the gloss on top, and how much light it lets in and out.
 //! 3. [`Tissue`]: the algorithmic models [`Abm97`], [`AbmB`] and [`AbmU`], each a [`Stack`] of interfaces
 //!    that [`walk`] walks; [`trace_path_lengths`] gives spectra of any pigments, [`ScatterTable`] a BRDF.
@@ -67,6 +67,7 @@ pub use error::SynthError;
 pub use instruments::goniophotometer::{Goniogram, Goniophotometer, Interactions};
 pub use instruments::plot::{LinePlot, Series, counts_svg, disk_svg, goniogram_svg};
 pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectrum};
+pub use inversion::digits::significant;
 pub use inversion::forward::{MAX_UNKNOWNS, Unknown};
 pub use inversion::invert::{InversionParams, Inverter};
 pub use inversion::maps::{LeafMaps, invert_captures};
@@ -112,6 +113,7 @@ pub use optics::plates::theta::{
     ThetaForm, diffuse_transmission, diffuse_transmission_f32, diffuse_transmission_with_slope, rational_p1q2,
     rational_p2q3, three_piece_fit,
 };
+pub use optics::plates::two_halves::{TwoHalves, two_sided_spectrum};
 pub use optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
 pub use optics::two_sided::two_sided_diffuse;
 pub use optics::units::{

@@ -26,14 +26,22 @@ pub fn invert_leaves<'py>(
     side: &str,
     held: BTreeMap<String, f64>,
     independent: bool,
+    cone_deg: f64,
     rays: u64,
     seed: u64,
     threads: usize,
 ) -> PyResult<Bound<'py, PyDict>> {
     let nm = wavelengths_nm.as_array().to_vec();
+    if !(0.0..=90.0).contains(&cone_deg) || rays == 0 {
+        return Err(value_error(format!("cone_deg is {cone_deg} and rays {rays}: take 0 to 90, and 1 or more")));
+    }
     let leaves = leaves_of(&nm, reflectance.as_ref(), transmittance.as_ref())?;
-    let params =
-        params(model, side, &held, InversionParams { correlated: !independent, rays, seed, ..Default::default() })?;
+    let params = params(
+        model,
+        side,
+        &held,
+        InversionParams { correlated: !independent, cone_deg, rays, seed, ..Default::default() },
+    )?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -52,6 +60,7 @@ pub fn invert_leaves<'py>(
     for (i, unknown) in inverter.unknowns().iter().enumerate() {
         result.set_item(unknown.key, numbers(&|found| found.values[i]))?;
         result.set_item(format!("{}_standard_error", unknown.key), numbers(&|found| found.standard_errors[i]))?;
+        // Words, which numpy holds badly.
         let states: Vec<&str> = found.iter().map(|found| found.states[i].name()).collect();
         result.set_item(format!("{}_state", unknown.key), states)?;
     }

@@ -2,7 +2,7 @@
 
 import unittest
 
-import btf.leaf
+import btf
 import numpy as np
 from refusals import Refusing
 
@@ -87,6 +87,8 @@ class Inversion(Refusing):
         self.refused(ValueError, "brown", invert, WAVELENGTHS_NM, REFLECTANCE, held={"brown": -1})
         self.refused(ValueError, "'plate-paper'", invert, WAVELENGTHS_NM, REFLECTANCE, model="plate-paper")
         self.refused(ValueError, "'front'", invert, WAVELENGTHS_NM, REFLECTANCE, side="front")
+        self.refused(ValueError, "rays 0", invert, WAVELENGTHS_NM, REFLECTANCE, rays=0)
+        self.refused(ValueError, "NaN where", invert, WAVELENGTHS_NM, REFLECTANCE - 9.999)
 
 
 if __name__ == "__main__":

@@ -7,13 +7,17 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
 use btf_capture::delimited::{fields, lines};
+use btf_capture::{Capture, DirectionSet};
+use btf_models::{LEAF_QUANTITIES, LeafDescription, TextureKind};
 use btf_synth::{
-    Inversion, InversionParams, Inverter, LeafContents, LeafSpectra, MAX_UNKNOWNS, PROSPECT_CONE_DEG, PlateModel,
-    SpecificAbsorption, plate_spectrum,
+    AppearanceTextures, CaptureParams, Chlorosis, Deficiency, Inversion, InversionParams, Inverter, LeafContents,
+    LeafParams, LeafSpectra, MAX_UNKNOWNS, PROSPECT_CONE_DEG, Passage, PlateModel, Species, SpecificAbsorption, State,
+    TextureImages, invert_captures, plate_spectrum, write_leaf_capture,
 };
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -24,6 +28,7 @@ const LEAVES: usize = 2000;
 /// One thread: speeds are per core.
 pub fn run(folders: &[String]) -> Result<(), Box<dyn Error>> {
     noise()?;
+    maps()?;
     for folder in folders {
         measured(Path::new(folder))?;
     }
@@ -49,23 +54,17 @@ fn any_leaf(random: &mut Xoshiro256PlusPlus) -> LeafContents {
 }
 
 fn values_of(leaf: &LeafContents) -> [f64; MAX_UNKNOWNS] {
-    [
-        leaf.chlorophyll_ug_per_cm2,
-        leaf.carotenoid_ug_per_cm2,
-        leaf.anthocyanin_ug_per_cm2,
-        leaf.brown,
-        leaf.water_cm,
-        leaf.dry_matter_g_per_cm2,
-        leaf.structure,
-    ]
+    let leaf = LeafDescription { contents: *leaf, ..LeafDescription::default() };
+    std::array::from_fn(|i| LEAF_QUANTITIES[i].of(&leaf))
 }
 
 fn noise() -> Result<(), Box<dyn Error>> {
     println!("## Spectra of plate-n with normal noise of 0.01, {LEAVES} leaves, one core\n");
     println!(
-        "| wavelengths, nm | shares | chlorophyll | carotenoids | anthocyanins | water, um | dry matter, mg/cm2 | N | leaves/s |"
+        "| wavelengths, nm | shares | chlorophyll | carotenoids | anthocyanins | water, um | dry matter, mg/cm2 | N | \
+         within two standard errors | leaves/s |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     for (first, last, step) in [(400.0, 700.0, 10.0), (400.0, 800.0, 5.0), (400.0, 2500.0, 10.0), (400.0, 2500.0, 1.0)]
     {
         let nm = evenly(first, last, step);
@@ -83,15 +82,25 @@ fn noise() -> Result<(), Box<dyn Error>> {
                     found.iter().zip(&leaves).map(|(found, leaf)| (found.values[i] - values_of(leaf)[i]).powi(2));
                 (squares.sum::<f64>() / LEAVES as f64).sqrt()
             };
+            let (mut within, mut told) = (0.0, 0.0);
+            for (found, leaf) in found.iter().zip(&leaves) {
+                for i in (0..MAX_UNKNOWNS).filter(|i| found.states[*i] == State::Found) {
+                    told += 1.0;
+                    let apart = (found.values[i] - values_of(leaf)[i]).abs();
+                    within += f64::from(u8::from(apart < 2.0 * found.standard_errors[i]));
+                }
+            }
+            let is_told = |i: usize| found.iter().all(|found| found.states[i] != State::Untold);
             println!(
-                "| {first} to {last} by {step} | {} | {:.2} | {:.2} | {:.2} | {:.0} | {:.2} | {:.3} | {speed:.0} |",
+                "| {first} to {last} by {step} | {} | {:.2} | {:.2} | {:.2} | {} | {:.2} | {:.3} | {:.0} % | {speed:.0} |",
                 if both { "R, T" } else { "R" },
                 rms(0),
                 rms(1),
                 rms(2),
-                1e4 * rms(4),
+                if is_told(4) { format!("{:.0}", 1e4 * rms(4)) } else { "untold".to_owned() },
                 1e3 * rms(5),
                 rms(6),
+                100.0 * within / told,
             );
         }
     }
@@ -112,6 +121,58 @@ fn noisy(
     let reflectance: Vec<f64> = optics.iter().map(|optics| noisy(optics.reflectance)).collect();
     let transmittance: Vec<f64> = optics.iter().map(|optics| noisy(optics.transmittance)).collect();
     Ok(LeafSpectra::new("leaf", nm, &reflectance, if both { &transmittance } else { &[] })?)
+}
+
+/// Texels of a row of the photographed leaf.
+const SIZE: usize = 128;
+
+/// Photographs a maize leaf that lacks nitrogen, and compares its maps with the textures that it was made of.
+fn maps() -> Result<(), Box<dyn Error>> {
+    let go_on = |_: usize, _: usize| ControlFlow::Continue(());
+    let parent = tempfile::tempdir()?;
+    let mut params = LeafParams::of(Species::Maize);
+    params.contents.chlorophyll_ug_per_cm2 = 33.0;
+    params.look.chlorosis = Some(Chlorosis { deficiency: Deficiency::Nitrogen, severity: Deficiency::SEVERITY });
+    let set = DirectionSet::random(12, 1)?;
+    params.capture = CaptureParams { size: SIZE, views: set.clone(), lights: set, ..params.capture };
+    let mut captures = Vec::new();
+    for passage in [Passage::Reflection, Passage::Transmission] {
+        let folder = parent.path().join(format!("{passage:?}"));
+        write_leaf_capture(&folder, &LeafParams { passage, ..params.clone() }, &go_on)?;
+        captures.push(Capture::open(&folder)?);
+    }
+    let folder = parent.path().join("textures");
+    AppearanceTextures::new(&params)?.export(&folder)?;
+    let textures = TextureImages::read(&folder)?;
+    let size_mm = params.capture.size_mm;
+    let truth = |texel: usize| {
+        let place = |i: usize| (i as f32 + 0.5) / SIZE as f32 * size_mm;
+        let at = [place(texel % SIZE), size_mm - place(texel / SIZE)];
+        let sample = |kind: TextureKind| textures.sample(kind, at, size_mm).map_or(1.0, |value| f64::from(value[0]));
+        params.contents.chlorophyll_ug_per_cm2 * sample(TextureKind::Pigment) * sample(TextureKind::Thickness)
+    };
+    println!("\n## Chlorophyll of a photographed leaf, ug/cm2, {SIZE} x {SIZE} texels\n");
+    println!(
+        "| captures | RMSE | bias | correlation | standard error, median | colours missed by |\n|---|---|---|---|---|---|"
+    );
+    for captures in [&captures[..], &captures[..1]] {
+        let maps = invert_captures(captures, &params.contents, &go_on)?;
+        let of = |texel: usize| f64::from(maps.pigment.values[3 * texel]) * maps.contents.chlorophyll_ug_per_cm2;
+        let pairs: Vec<[f64; 2]> = (0..SIZE * SIZE).map(|texel| [truth(texel), of(texel)]).collect();
+        let mean = |of: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(of).sum::<f64>() / pairs.len() as f64;
+        let (x, y) = (mean(&|pair| pair[0]), mean(&|pair| pair[1]));
+        let spread = |i: usize, middle: f64| mean(&|pair| (pair[i] - middle).powi(2)).sqrt();
+        println!(
+            "| {} | {:.2} | {:+.2} | {:.3} | {:.2} | {:.4} |",
+            captures.len(),
+            mean(&|pair| (pair[1] - pair[0]).powi(2)).sqrt(),
+            y - x,
+            mean(&|pair| (pair[0] - x) * (pair[1] - y)) / (spread(0, x) * spread(1, y)),
+            maps.standard_errors[0],
+            maps.rmse
+        );
+    }
+    Ok(())
 }
 
 /// Contents with a measured counterpart: index, name with the unit, column of the metadata, factor to the unit.

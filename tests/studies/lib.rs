@@ -10,6 +10,7 @@ pub mod dolly;
 pub mod fit_floor;
 mod fixtures;
 pub mod landscape_costs;
+pub mod leaf_faces;
 pub mod leaf_fits;
 pub mod leaf_inversion;
 pub mod leaf_live;

@@ -1,8 +1,8 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    abm_trade, bent_skins, dolly, fit_floor, landscape_costs, leaf_fits, leaf_inversion, leaf_live, leaf_trade,
-    lobe_worth, many_captures, volume_costs,
+    abm_trade, bent_skins, dolly, fit_floor, landscape_costs, leaf_faces, leaf_fits, leaf_inversion, leaf_live,
+    leaf_trade, lobe_worth, many_captures, volume_costs,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -10,12 +10,13 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 12] = [
+const STUDIES: [(&str, &str, Study); 13] = [
     ("abm_trade", "", abm_trade::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
     ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
     ("fit_floor", "CAPTURE...", fit_floor::run),
     ("landscape_costs", "[WIDTH [CAMERA [both|sun|sky [BACKEND ...]]]]", landscape_costs::run),
+    ("leaf_faces", "FOLDER", leaf_faces::run),
     ("leaf_fits", "", leaf_fits::run),
     ("leaf_inversion", "[FOLDER...]", leaf_inversion::run),
     ("leaf_live", "", leaf_live::run),

@@ -118,6 +118,14 @@ fn measure(args: &GoniophotometerArgs) -> Result<Measured, Failure> {
                 .map(|nm| Ok((nm, first.interactions(tissue, Nanometres(nm), INTERACTION_RAYS, args.seed)?)));
             (grams, counted.into_iter().collect::<Result<_, Failure>>()?)
         }
+        (LeafModel::TwoSided(halves), None) => {
+            let (_, lobe) = plate_and_gloss(args, PlateModel::N)?;
+            let contents = args.contents.over(LeafContents::default());
+            let table = PlateModel::N.default_table();
+            let inside = halves.entered(table, &contents, args.side.into(), args.wavelength_nm);
+            let measured = args.incidence_deg.iter().map(|&deg| instrument(deg).measure_plate(inside, &lobe));
+            (measured.collect::<Result<_, _>>()?, Vec::new())
+        }
         (LeafModel::Plate(plate), None) => {
             let (inside, lobe) = plate_and_gloss(args, plate)?;
             let measured = args.incidence_deg.iter().map(|&deg| instrument(deg).measure_plate(inside, &lobe));

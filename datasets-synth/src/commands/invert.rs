@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use btf_synth::{
     Inversion, InversionParams, Inverter, LeafSpectra, LinePlot, PROSPECT_CONE_DEG, Series, State, SynthError, Unknown,
-    read_spectra,
+    read_spectra, significant,
 };
 use clap::Args;
 use rayon::prelude::*;
@@ -31,7 +31,8 @@ pub struct InvertArgs {
     #[arg(required_unless_present = "captures", value_name = "SPECTRA.csv")]
     files: Vec<PathBuf>,
     /// Capture of a leaf (with another one, lit from behind): maps of its contents, as textures of a leaf file
-    #[arg(long = "capture", value_name = "CAPTURE", conflicts_with = "files", requires = "out")]
+    #[arg(long = "capture", value_name = "CAPTURE", requires = "out",
+        conflicts_with_all = ["files", "model", "percent", "side", "cone_deg", "independent", "rays", "seed", "csv", "plots"])]
     captures: Vec<PathBuf>,
     /// New folder for leaf.toml, its textures and their standard errors
     #[arg(short = 'o', long, value_name = "DIR", requires = "captures")]
@@ -45,7 +46,7 @@ pub struct InvertArgs {
     /// Values of the tables are percent
     #[arg(long)]
     percent: bool,
-    /// Face that was lit (plates are alike from both)
+    /// Face that was lit in the tables (plates are alike from both)
     #[arg(long, value_enum, default_value_t = Side::Adaxial)]
     side: Side,
     /// Half-angle of the cone of incident light in degrees, plates only
@@ -76,13 +77,25 @@ pub struct InvertArgs {
 pub fn run(args: &InvertArgs) -> Result<(), Failure> {
     let params = params(args)?;
     if let Some(out) = &args.out {
-        let unknowns = params.unknowns();
-        let held = unknowns.iter().zip(params.held).filter_map(|(unknown, held)| Some((unknown.option, held?)));
-        return invert_maps::run(&args.captures, out, &held.collect::<Vec<_>>(), &args.run);
+        return invert_maps::run(&args.captures, out, &params.unknowns(), &params.held, &args.run);
     }
     let mut leaves = Vec::new();
+    let mut notes = Vec::new();
     for file in &args.files {
-        let read = read_spectra(file, if args.percent { 0.01 } else { 1.0 })?;
+        let read = read_spectra(file, if args.percent { 0.01 } else { 1.0 });
+        let read = read.map_err(|error| match error {
+            SynthError::BadSpectra { path, reason } if reason.contains("percent") && !args.percent => {
+                SynthError::BadSpectra { path, reason: format!("{reason}, or give --percent") }
+            }
+            other => other,
+        })?;
+        let name = file.display();
+        if read.gaps > 0 {
+            notes.push(format!("{name} has {} cells without a measurement", read.gaps));
+        }
+        if !read.left_out.is_empty() {
+            notes.push(format!("nothing was measured of {} in {name}", read.left_out.join(", ")));
+        }
         leaves.extend(read.leaves);
     }
     let started = Instant::now();
@@ -107,21 +120,23 @@ pub fn run(args: &InvertArgs) -> Result<(), Failure> {
         leaves.par_iter().zip(&groups.of_leaf).map(invert).collect()
     })?;
     let seconds = started.elapsed().as_secs_f64();
-    if let Some(folder) = &args.plots {
-        write_plots(folder, args, &leaves, &found)?;
-    }
     let unknowns = &params.unknowns();
     let rows: Vec<(&LeafSpectra, &Inversion)> = leaves.iter().zip(found.iter().map(|found| &found.inversion)).collect();
     if let Some(file) = &args.csv {
         write_text(file, &csv(unknowns, &rows))?;
     }
+    if let Some(folder) = &args.plots {
+        write_plots(folder, args, &leaves, &found)?;
+    }
     let result = json!({
         "model": args.model.to_string(),
         "unknowns": unknowns.iter().map(|unknown| unknown.key).collect::<Vec<_>>(),
         "leaves": rows.iter().map(|(leaf, found)| figures(unknowns, leaf, found)).collect::<Vec<_>>(),
+        "notes": notes,
         "seconds": seconds,
     });
-    args.run.report(&result, &table(unknowns, &rows))
+    let notes: String = notes.iter().map(|note| format!("\nnote: {note}")).collect();
+    args.run.report(&result, &(table(unknowns, &rows) + &notes))
 }
 
 /// Result of a leaf, with the model's spectra where plots are asked for.
@@ -190,7 +205,8 @@ fn figures(unknowns: &[Unknown], leaf: &LeafSpectra, found: &Inversion) -> Value
     let content = |i: usize| {
         json!({
             "value": found.values[i],
-            "standard_error": found.standard_errors[i],
+            // JSON has no NaN: what was not found has null.
+            "standard_error": Some(found.standard_errors[i]).filter(|error| error.is_finite()),
             "state": found.states[i].name(),
         })
     };
@@ -217,7 +233,9 @@ fn csv(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
     for (leaf, found) in rows {
         text += &quoted(&leaf.name);
         for i in 0..unknowns.len() {
-            text += &format!(",{},{},{}", found.values[i], found.standard_errors[i], found.states[i].name());
+            let error = Some(found.standard_errors[i]).filter(|error| error.is_finite());
+            let error = error.map_or_else(String::new, |error| error.to_string());
+            text += &format!(",{},{error},{}", found.values[i], found.states[i].name());
         }
         for rmse in found.rmse {
             text += &rmse.map_or_else(|| ",".to_owned(), |rmse| format!(",{rmse}"));
@@ -242,12 +260,12 @@ fn table(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
             text += &format!("{}, misses its spectra by {}\n", leaf.name, missed(found));
             for (i, unknown) in unknowns.iter().enumerate() {
                 let worth = match found.states[i] {
-                    State::Found => format!("+- {:.2}", Short(found.standard_errors[i])),
+                    State::Found | State::FoundByDomain => format!("+- {}", significant(found.standard_errors[i], 2)),
                     other => format!("({})", other.name()),
                 };
                 text += &format!(
                     "  {:>10} {:<7} {worth:<12} {}\n",
-                    format!("{:.4}", Short(found.values[i])),
+                    significant(found.values[i], 4),
                     unknown.unit,
                     unknown.name
                 );
@@ -264,30 +282,20 @@ fn table(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
         text += &format!("{:<width$}", leaf.name);
         for i in 0..unknowns.len() {
             let worth = match found.states[i] {
-                State::Found => format!("{:.4} +- {:.2}", Short(found.values[i]), Short(found.standard_errors[i])),
-                other => format!("{:.4} {}", Short(found.values[i]), other.name()),
+                State::Found | State::FoundByDomain => {
+                    format!("{} +- {}", significant(found.values[i], 4), significant(found.standard_errors[i], 2))
+                }
+                other => format!("{} {}", significant(found.values[i], 4), other.name()),
             };
             text += &format!("  {worth:>16}");
         }
         text += &format!("  {}\n", missed(found));
     }
-    let kinds: BTreeSet<usize> = (0..rows.len()).filter(|i| !rows[*i].1.remarks.is_empty()).collect();
-    if !kinds.is_empty() {
-        text += &format!("{} of {} leaves have remarks: --json or --csv tells them\n", kinds.len(), rows.len());
+    let remarked = rows.iter().filter(|(_, found)| !found.remarks.is_empty()).count();
+    if remarked > 0 {
+        text += &format!("{remarked} of {} leaves have remarks: --json or --csv tells them\n", rows.len());
     }
     text.trim_end().to_owned()
-}
-
-/// Number with so many digits as the precision asks for.
-struct Short(f64);
-
-impl std::fmt::Display for Short {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let digits = f.precision().unwrap_or(4) as i32;
-        let decimals = (digits - 1 - self.0.abs().max(1e-12).log10().floor() as i32).clamp(0, 6) as usize;
-        let text = if self.0 == 0.0 { "0".to_owned() } else { format!("{:.decimals$}", self.0) };
-        f.write_str(&text)
-    }
 }
 
 fn missed(found: &Inversion) -> String {

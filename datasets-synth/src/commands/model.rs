@@ -2,7 +2,7 @@
 
 use btf_synth::{
     Abm97, Abm97Switches, AbmB, AbmU, Centimetres, Crossing, EntryLobe, LeafContents, LeafModel, MesophyllKind,
-    MicrogramsPerSquareCentimetre, PathRule, PlateModel, Specimen, States,
+    MicrogramsPerSquareCentimetre, PathRule, PlateModel, Specimen, States, TwoHalves,
 };
 use clap::{Args, ValueEnum};
 
@@ -13,6 +13,8 @@ use super::failure::Failure;
 pub enum Model {
     /// N-layer plates, PROSPECT-D
     PlateN,
+    /// Two unequal piles of plates: faces that differ
+    PlateTwoSided,
     /// One absorbing plate, exact equations, spectral index
     PlateExact,
     /// One plate as printed, with the paper's slips, for reproduction and error reports only
@@ -29,6 +31,7 @@ impl std::fmt::Display for Model {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Model::PlateN => "plate-n",
+            Model::PlateTwoSided => "plate-two-sided",
             Model::PlateExact => "plate-exact",
             Model::PlatePaper => "plate-paper",
             Model::Abm97 => "abm97",
@@ -64,10 +67,19 @@ pub(super) fn side_name(side: Side) -> &'static str {
     }
 }
 
-/// Readings and parameters of the algorithmic models.
+/// Readings and parameters of the models with a tissue.
 #[derive(Args, Clone)]
-#[command(next_help_heading = "Algorithmic models (abm97, abm-b, abm-u)")]
+#[command(next_help_heading = "Tissue (plate-two-sided, abm97, abm-b, abm-u)")]
 pub struct TissueArgs {
+    /// plate-two-sided: share of the N layers that is palisade (0.05 to 0.95) [default: 0.9]
+    #[arg(long, value_name = "SHARE")]
+    palisade_layers: Option<f64>,
+    /// plate-two-sided: share of the pigments that is in the palisade [default: 0.99]
+    #[arg(long, value_name = "SHARE")]
+    palisade_pigments: Option<f64>,
+    /// plate-two-sided: share of water and dry matter that is in the palisade [default: 0.95]
+    #[arg(long, value_name = "SHARE")]
+    palisade_body: Option<f64>,
     /// Leaf of abm-b and abm-u [default: soybean for abm-b, maize for abm-u]
     #[arg(long, value_enum)]
     specimen: Option<SpecimenName>,
@@ -149,6 +161,7 @@ impl TissueArgs {
         let specimen = |default| self.specimen(default, cab, car);
         Ok(match model {
             Model::PlateN => LeafModel::Plate(PlateModel::N),
+            Model::PlateTwoSided => LeafModel::TwoSided(self.halves()?),
             Model::PlateExact => LeafModel::Plate(PlateModel::Exact),
             Model::PlatePaper => LeafModel::Plate(PlateModel::Paper),
             Model::Abm97 => LeafModel::Abm97(self.abm97(cab, car)?),
@@ -159,6 +172,17 @@ impl TissueArgs {
                 LeafModel::AbmU(AbmU { specimen: specimen(Specimen::maize())?, path: self.path(PathRule::Sieve) })
             }
         })
+    }
+
+    fn halves(&self) -> Result<TwoHalves, Failure> {
+        let usual = TwoHalves::default();
+        let halves = TwoHalves {
+            layers: self.palisade_layers.unwrap_or(usual.layers),
+            pigments: self.palisade_pigments.unwrap_or(usual.pigments),
+            body: self.palisade_body.unwrap_or(usual.body),
+        };
+        halves.check()?;
+        Ok(halves)
     }
 
     fn abm97(&self, cab: Option<f64>, car: Option<f64>) -> Result<Abm97, Failure> {

@@ -51,7 +51,9 @@ impl RunArgs {
         let style = ProgressStyle::with_template(&format!("{{msg}} {{wide_bar}} {{pos}}/{{len}} {unit}, {{eta}} left"));
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.set_message(message);
-        let progress = |done: usize, _: usize| {
+        let progress = |done: usize, total: usize| {
+            // The work knows best how much there is.
+            bar.set_length(total as u64);
             bar.set_position(done as u64);
             if INTERRUPTED.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };

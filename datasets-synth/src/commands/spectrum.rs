@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use btf_synth::{
-    Estimate, INVERTED_NM, LeafContents, LeafModel, LinePlot, Method, PAPER_WAVELENGTHS_NM, Rays, Series,
-    Spectrophotometer, Spectrum, plate_spectrum,
+    Estimate, INVERTED_NM, LeafContents, LeafModel, LinePlot, Method, PAPER_WAVELENGTHS_NM, PlateModel, PlateOptics,
+    Rays, Series, Spectrophotometer, Spectrum, SynthError, plate_spectrum, two_sided_spectrum,
 };
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -20,6 +20,7 @@ use super::run_args::{RunArgs, write_text};
 #[command(after_help = "Examples:
   btf-synth spectrum --model plate-n --cab 25 --plot spectrum.svg
   btf-synth spectrum --leaf leaf.toml --plot spectrum.svg
+  btf-synth spectrum --model plate-two-sided --both-sides --to-nm 2500 --csv faces.csv
   btf-synth spectrum --model abm97 --side abaxial --rays 1e6 --json -
   btf-synth spectrum --model abm97 --beam emitter --method direct --precision 0.001
   btf-synth spectrum --model abm-b --to-nm 2500 --step-nm 20 --rays 1e5 --plot soybean.svg")]
@@ -132,20 +133,25 @@ fn measure(args: &SpectrumArgs, sides: &[Side]) -> Result<(Vec<Spectrum>, f64), 
     let [cab, car] = args.contents.own_pigments(leaf.as_ref().map(|leaf| &leaf.contents));
     let model = args.tissue.leaf_model(args.model, cab, car)?;
     let started = Instant::now();
+    let contents = args.contents.over(leaf.map_or_else(LeafContents::default, |leaf| leaf.contents));
     let spectra: Vec<Spectrum> = match (model, model.tissue()) {
         (LeafModel::Plate(model), _) => {
-            let exact = |mean| Estimate { mean, standard_error: 0.0 };
-            let contents = args.contents.over(leaf.map_or_else(LeafContents::default, |leaf| leaf.contents));
             model.check(model.default_table(), &contents)?;
             let cone_deg = args.contents.cone_deg.unwrap_or(model.default_cone_deg());
             let optics = plate_spectrum(model, model.default_table(), &contents, cone_deg, &wavelength_nm)?;
-            let spectrum = Spectrum {
-                reflectance: optics.iter().map(|o| exact(o.reflectance)).collect(),
-                transmittance: optics.iter().map(|o| exact(o.transmittance)).collect(),
-                wavelength_nm,
-                rays: 0,
+            vec![without_noise(&wavelength_nm, &optics); sides.len()]
+        }
+        (LeafModel::TwoSided(halves), _) => {
+            let plates = PlateModel::N;
+            plates.check(plates.default_table(), &contents)?;
+            let cone_deg = args.contents.cone_deg.unwrap_or(plates.default_cone_deg());
+            let of = |side: &Side| {
+                let face = (*side).into();
+                let optics =
+                    two_sided_spectrum(&halves, plates.default_table(), &contents, cone_deg, face, &wavelength_nm)?;
+                Ok(without_noise(&wavelength_nm, &optics))
             };
-            vec![spectrum; sides.len()]
+            sides.iter().map(of).collect::<Result<_, SynthError>>()?
         }
         (_, None) => unreachable!("a model without a tissue is made of plates"),
         (_, Some(tissue)) => {
@@ -174,6 +180,17 @@ fn measure(args: &SpectrumArgs, sides: &[Side]) -> Result<(Vec<Spectrum>, f64), 
         }
     };
     Ok((spectra, started.elapsed().as_secs_f64()))
+}
+
+/// Returns a spectrum that no ray has measured.
+fn without_noise(wavelength_nm: &[f64], optics: &[PlateOptics]) -> Spectrum {
+    let exact = |mean| Estimate { mean, standard_error: 0.0 };
+    Spectrum {
+        reflectance: optics.iter().map(|optics| exact(optics.reflectance)).collect(),
+        transmittance: optics.iter().map(|optics| exact(optics.transmittance)).collect(),
+        wavelength_nm: wavelength_nm.to_vec(),
+        rays: 0,
+    }
 }
 
 /// Returns the JSON form of a spectrum.

@@ -15,7 +15,7 @@ const MAX_THETA_DEG: f64 = 62.0;
 /// Angle in degrees from the mirror direction from which on a view counts.
 const MIN_FROM_MIRROR_DEG: f64 = 35.0;
 /// Pairs that are looked at, at most, and the bytes that their values may take.
-const MAX_PAIRS: usize = 48;
+pub(crate) const MAX_PAIRS: usize = 48;
 const MAX_BYTES: usize = 1 << 30;
 /// Pairs below which a median says little.
 const MIN_PAIRS: usize = 3;
@@ -117,7 +117,62 @@ fn median_colour(images: &[Vec<f32>], texel: usize) -> ([f32; 3], [f32; 3]) {
     (rgb, errors)
 }
 
-fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+/// Returns the median: the mean of the two in the middle of an even number.
+pub(crate) fn median(values: &mut [f32]) -> f32 {
+    let (count, middle) = (values.len(), values.len() / 2);
+    let (below, upper, _) = values.select_nth_unstable_by(middle, f32::total_cmp);
+    match count % 2 {
+        1 => *upper,
+        _ => 0.5 * (*upper + below.iter().copied().fold(f32::MIN, f32::max)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use btf_capture::{DirectionSet, ImageFormat};
+
+    #[test]
+    fn the_middle_of_even_and_odd_numbers_is_found() {
+        assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&mut [4.0, 1.0, 2.0, 3.0]), 2.5);
+        assert_eq!(median(&mut [7.0]), 7.0);
+    }
+
+    #[test]
+    fn gloss_and_shadow_leave_the_colour_of_the_body() {
+        let set = DirectionSet::random(9, 3).unwrap();
+        let info = CaptureInfo::new("body", 2, 1, set.clone(), set.clone(), ImageFormat::Exr);
+        let units = set.units();
+        let colours = [[0.2, 0.3, 0.1], [0.05, 0.1, 0.02]];
+        let images = |gloss: f32| {
+            let mut images = Vec::new();
+            for wo in &units {
+                for wi in &units {
+                    let along = dot(*wo, [-wi[0], -wi[1], wi[2]]).max(0.0).powi(40);
+                    for colour in colours {
+                        images.extend(colour.map(|x: f32| x * wi[2] + gloss * along));
+                    }
+                }
+            }
+            images
+        };
+        let go_on = |_: usize, _: usize| std::ops::ControlFlow::Continue(());
+        let of =
+            |images: Vec<f32>| diffuse_colour(&Capture::from_linear(info.clone(), images).unwrap(), &go_on).unwrap();
+        let mut shadowed = images(2.0);
+        // One view in nine lies in shadow.
+        shadowed[..6 * 9].fill(0.0);
+        let found = of(shadowed);
+        for (found, colour) in found.rgb.iter().zip(colours) {
+            assert!(found.iter().zip(colour).all(|(x, y)| (x - y).abs() < 0.004), "{found:?} {colour:?}");
+        }
+        assert!(found.errors.iter().flatten().all(|error| *error >= MIN_ERROR));
+        // Planted difference: gloss without end is no body.
+        let metal = of(images(2.0).iter().map(|x| x + 0.1).collect());
+        assert!((metal.rgb[0][0] - 0.2).abs() > 0.05);
+        let stop = |_: usize, _: usize| std::ops::ControlFlow::Break(());
+        let capture = Capture::from_linear(info.clone(), images(0.0)).unwrap();
+        assert!(matches!(diffuse_colour(&capture, &stop), Err(SynthError::Stopped)));
+    }
 }

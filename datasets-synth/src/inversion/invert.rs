@@ -85,7 +85,7 @@ impl InversionParams {
     /// Returns what the model's inversion looks for.
     pub fn unknowns(&self) -> Vec<Unknown> {
         match &self.model {
-            LeafModel::Plate(_) => plate_unknowns().to_vec(),
+            LeafModel::Plate(_) | LeafModel::TwoSided(_) => plate_unknowns().to_vec(),
             _ => TISSUE_UNKNOWNS.to_vec(),
         }
     }
@@ -115,8 +115,9 @@ impl Inverter {
         let covered: Vec<usize> = (0..wavelengths_nm.len()).filter(within).collect();
         let nm: Vec<f64> = covered.iter().map(|i| wavelengths_nm[*i]).collect();
         if nm.is_empty() {
+            let value = wavelengths_nm.first().map_or_else(|| "missing".to_owned(), |nm| format!("{nm} nm"));
             let allowed = format!("some from {} to {} nm", INVERTED_NM[0], INVERTED_NM[1]);
-            return Err(SynthError::BadParameter { name: "the wavelengths", value: "elsewhere".to_owned(), allowed });
+            return Err(SynthError::BadParameter { name: "the first wavelength", value, allowed });
         }
         let forward: Box<dyn Forward> = match &params.model {
             LeafModel::Plate(PlateModel::N) => Box::new(PlateForward::new(&nm, params.cone_deg)),
@@ -176,7 +177,7 @@ impl Inverter {
         let mut steps = search.steps;
         let measured = all.bands.len() * leaf.shares.iter().filter(|shares| !shares.iter().all(|x| x.is_nan())).count();
         let mut whitening =
-            Whitening::even(coarse.errors(&search.values).deviation(free.iter().filter(|x| **x).count()));
+            Whitening::even(coarse.errors(&search.values).deviation(free.iter().filter(|x| **x).count(), FIRST_ERROR));
         let looks = if self.correlated && measured > MIN_FREEDOM + self.unknowns().len() { LOOKS } else { 0 };
         for _ in 0..looks {
             whitening = all.errors(&search.values).learn(MAX_LENGTH_NM);
@@ -212,15 +213,16 @@ impl Inverter {
             return 0;
         }
         let mut free = [false; MAX_UNKNOWNS];
-        for i in domain.tells.iter().chain(domain.with).copied() {
+        // One share of light alone does not tell what goes with a content from the content itself.
+        let both = all.leaf.shares.iter().all(|shares| shares.iter().any(|share| share.is_finite()));
+        for i in domain.tells.iter().chain(domain.with.iter().filter(|_| both)).copied() {
             free[i] = matches!(found.states[i], State::Found | State::AtBound);
         }
         if !domain.tells.iter().any(|i| free[*i]) {
             return 0;
         }
         let search = Search { bands, usual: false, ..*all };
-        let even = Whitening::even(search.errors(&found.values).deviation(0));
-        let at = search.minimum(&free, found.values, &even);
+        let at = search.minimum(&free, found.values, &Whitening::even(1.0));
         // What the result is worth, by errors that hang together.
         let whitening = search.errors(&at.values).learn(MAX_LENGTH_NM);
         let worth = Minimum { normal: search.normal(&at.values, &free, &whitening), ..at };
@@ -228,9 +230,10 @@ impl Inverter {
         for i in domain.tells.iter().copied().filter(|i| free[*i]) {
             found.values[i] = refined.values[i];
             found.standard_errors[i] = refined.standard_errors[i];
-            found.states[i] = refined.states[i];
-            for j in domain.tells.iter().copied().filter(|j| free[*j]) {
-                found.correlations[i][j] = refined.correlations[i][j];
+            found.states[i] = if refined.states[i] == State::Found { State::FoundByDomain } else { refined.states[i] };
+            for j in 0..MAX_UNKNOWNS {
+                let together = if domain.tells.contains(&j) && free[j] { refined.correlations[i][j] } else { 0.0 };
+                (found.correlations[i][j], found.correlations[j][i]) = (together, together);
             }
         }
         at.steps
@@ -268,7 +271,7 @@ impl Inverter {
             .map_or_else(|| SMatrix::from_diagonal_element(f64::INFINITY), |cholesky| cholesky.inverse());
         let mut inversion = Inversion {
             values: found.values,
-            standard_errors: [0.0; MAX_UNKNOWNS],
+            standard_errors: [f64::NAN; MAX_UNKNOWNS],
             correlations: [[0.0; MAX_UNKNOWNS]; MAX_UNKNOWNS],
             states: [State::Held; MAX_UNKNOWNS],
             rmse: [None; 2],

@@ -1,6 +1,7 @@
 //! From measured spectra, or a capture, to the contents of a leaf.
 
 pub(crate) mod diffuse_colour;
+pub(crate) mod digits;
 pub(crate) mod forward;
 pub(crate) mod invert;
 pub(crate) mod least_squares;

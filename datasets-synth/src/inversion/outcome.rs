@@ -7,6 +7,8 @@ use crate::inversion::forward::MAX_UNKNOWNS;
 pub enum State {
     /// It was found.
     Found,
+    /// It was found by the wavelengths that are its own, because the model errs elsewhere.
+    FoundByDomain,
     /// It was found at an end of what is tried.
     AtBound,
     /// It was known.
@@ -16,10 +18,11 @@ pub enum State {
 }
 
 impl State {
-    /// Returns the word of tables: `found`, `at-bound`, `held`, `untold`.
+    /// Returns the word of tables: `found`, `found-by-domain`, `at-bound`, `held`, `untold`.
     pub fn name(self) -> &'static str {
         match self {
             State::Found => "found",
+            State::FoundByDomain => "found-by-domain",
             State::AtBound => "at-bound",
             State::Held => "held",
             State::Untold => "untold",
@@ -32,9 +35,9 @@ impl State {
 pub struct Inversion {
     /// Values of the unknowns, in the order of [`crate::Inverter::unknowns`].
     pub values: [f64; MAX_UNKNOWNS],
-    /// Their standard errors, from the errors along the wavelengths; 0 for what was not found.
+    /// Their standard errors, from the errors along the wavelengths; NaN for what was not found.
     pub standard_errors: [f64; MAX_UNKNOWNS],
-    /// Their correlations: 0 beside what was not found.
+    /// Their correlations: 0 beside what was not found, and between what different wavelengths told.
     pub correlations: [[f64; MAX_UNKNOWNS]; MAX_UNKNOWNS],
     /// What became of each.
     pub states: [State; MAX_UNKNOWNS],

@@ -1,5 +1,6 @@
 //! What a reader of an inversion must know beside the numbers, in words.
 
+use crate::inversion::digits::significant;
 use crate::inversion::forward::{MAX_UNKNOWNS, Unknown};
 use crate::inversion::outcome::{Inversion, State};
 
@@ -22,7 +23,7 @@ pub(crate) fn remarks(
     for (i, unknown) in unknowns.iter().enumerate() {
         let Unknown { name, unit, .. } = unknown;
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        let (value, error) = (shown(found.values[i]), found.standard_errors[i]);
+        let (value, error) = (significant(found.values[i], 4), found.standard_errors[i]);
         let [least, most] = ranges[i];
         match found.states[i] {
             State::Untold => remarks.push(format!(
@@ -30,10 +31,10 @@ pub(crate) fn remarks(
                 span_nm[0], span_nm[1]
             )),
             State::AtBound => remarks.push(format!("{name} ended at {value}{unit}, an end of what is tried")),
-            State::Found if error > VAGUE * (most - least) => {
-                remarks.push(format!("{name} is hardly told: {value} +- {}{unit}", shown(error)));
+            State::Found | State::FoundByDomain if error > VAGUE * (most - least) => {
+                remarks.push(format!("{name} is hardly told: {value} +- {}{unit}", significant(error, 2)));
             }
-            State::Found if !(least..=most).contains(&found.values[i]) => {
+            State::Found | State::FoundByDomain if !(least..=most).contains(&found.values[i]) => {
                 remarks.push(format!("{name} is {value}{unit}, outside of {least} to {most}, which leaves have"));
             }
             _ => {}
@@ -56,26 +57,53 @@ pub(crate) fn remarks(
     remarks
 }
 
-/// Writes a number with four digits.
-pub(crate) fn shown(x: f64) -> String {
-    if x == 0.0 {
-        return "0".to_owned();
-    }
-    let digits = (3 - x.abs().log10().floor() as i32).clamp(0, 8) as usize;
-    let text = format!("{x:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::shown;
+    use super::*;
 
     #[test]
-    fn numbers_have_four_digits_and_no_idle_zeros() {
-        for (x, text) in
-            [(0.0, "0"), (41.28734, "41.29"), (0.0123456, "0.01235"), (1.5, "1.5"), (250.0, "250"), (-0.5, "-0.5")]
-        {
-            assert_eq!(shown(x), text);
+    fn what_is_not_told_well_is_named_and_what_is_told_well_is_not() {
+        let unknown = |name: &'static str| Unknown {
+            key: name,
+            option: name,
+            name,
+            unit: "mg",
+            bounds: [0.0, 100.0],
+            start: 5.0,
+            spread: 5.0,
+        };
+        let unknowns = ["sure", "vague", "bound", "untold", "far"].map(unknown);
+        let mut found = Inversion {
+            values: [5.0, 6.0, 100.0, 5.0, 12.0, 0.0, 0.0],
+            standard_errors: [0.1, 4.0, f64::NAN, f64::NAN, 0.1, f64::NAN, f64::NAN],
+            correlations: [[0.0; MAX_UNKNOWNS]; MAX_UNKNOWNS],
+            states: [State::Held; MAX_UNKNOWNS],
+            rmse: [Some(0.01), None],
+            steps: 1,
+            remarks: Vec::new(),
+        };
+        found.states[..5].copy_from_slice(&[
+            State::Found,
+            State::Found,
+            State::AtBound,
+            State::Untold,
+            State::FoundByDomain,
+        ]);
+        let told = |found: &Inversion| remarks(&unknowns, &[[0.0, 10.0]; MAX_UNKNOWNS], found, [400.0, 780.0]);
+        let words = told(&found);
+        for (remark, expected) in words.iter().zip([
+            "vague is hardly told: 6 +- 4 mg",
+            "bound ended at 100 mg",
+            "untold cannot be told between 400 and 780 nm",
+            "far is 12 mg, outside of 0 to 10",
+        ]) {
+            assert!(remark.contains(expected), "{remark}");
         }
+        assert_eq!(words.len(), 4, "{words:?}");
+        found.correlations[1][0] = -0.99;
+        found.rmse[0] = Some(0.1);
+        let more = told(&found);
+        assert!(more.iter().any(|remark| remark.contains("sure and vague are told only together: correlation -0.99")));
+        assert!(more.last().unwrap().contains("misses the spectra by 0.100"), "{more:?}");
     }
 }

@@ -45,8 +45,9 @@ impl LeafSpectra {
             }
             if let Some(at) = shares.iter().position(|share| share.is_infinite() || share.abs() > MAX_SHARE) {
                 let (share, nm) = (shares[at], wavelengths_nm[at]);
+                let remedy = if share < 0.0 { "give NaN where nothing was measured" } else { "divide percent by 100" };
                 return Err(format!(
-                    "the {what} of {name} is {share} at {nm} nm, which is no share of light; divide percent by 100 or give --percent"
+                    "the {what} of {name} is {share} at {nm} nm, which is no share of light; {remedy}"
                 ));
             }
         }

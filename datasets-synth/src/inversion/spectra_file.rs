@@ -1,12 +1,12 @@
 //! Tables of measured spectra, as laboratories keep them.
 //!
-//! Two layouts, told apart by the heading. **Columns**: the first column holds wavelengths in nanometres, each other one a
-//! share of light of a leaf; its name holds `reflectance` or `transmittance` (or `R`, `T`, `refl`, `trans`, `rho`, `tau`)
-//! as its first or last word and the leaf's name in the rest. **Rows**: three or more columns are named by wavelengths
-//! (`450`, `X450`, `450nm`), and each row is a share of light of a leaf, named by a column `name`, `sample`, `id` or
-//! `leaf`, and by a column `quantity`, `measurement` or `type`; without that, rows are reflectance. Commas, semicolons or
-//! tabs separate values; with the latter two a comma may be the decimal point. Cells that are empty, no number, or below
-//! -1 (`-9.999`) were not measured.
+//! Two layouts. **Columns**: the first column holds wavelengths in nanometres, each other one a share of light of a leaf;
+//! its name holds `reflectance` or `transmittance` (or `R`, `T`, `refl`, `trans`, `rho`, `tau`) as its first or last word
+//! and the leaf's name in the rest. Columns of standard deviations are passed over. **Rows**: three or more columns are named
+//! by wavelengths (`450`, `X450`, `450nm`), and each row is a share of light of a leaf, named by a column `name`, `sample`,
+//! `id` or `leaf`, and by a column `quantity`, `measurement` or `type`; without that, rows are reflectance. A table whose first
+//! column is called `wavelength`, `wl`, `nm` or `lambda` has columns. Commas, semicolons or tabs separate values; with the
+//! latter two a comma may be the decimal point. Cells that are empty, no number, or below -1 (`-9.999`) were not measured.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,32 +23,38 @@ const MAX_BYTES: u64 = 512 << 20;
 const MIN_WAVELENGTH_COLUMNS: usize = 3;
 /// Wavelengths in nanometres that the heading of a column may mean.
 const HEADING_NM: [f64; 2] = [200.0, 3000.0];
-/// Value below which a cell says that nothing was measured.
+/// Value below which a cell says that nothing was measured, before it is scaled.
 const LEAST_MEASURED: f64 = -1.0;
 /// Words that name the shares of light.
 const WORDS: [&[&str]; 2] =
     [&["reflectance", "refl", "r", "rho", "reflectivity"], &["transmittance", "trans", "tran", "t", "tau"]];
+/// Words that name how values differ, which are no shares of light.
+const DEVIATIONS: [&str; 7] = ["sd", "std", "stdev", "se", "sem", "deviation", "error"];
+/// Beginnings of the name of a column of wavelengths.
+const WAVELENGTHS: [&str; 4] = ["wavelength", "wl", "nm", "lambda"];
 
 /// Spectra of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReadSpectra {
-    /// Leaves in the order of the table.
+    /// Leaves in the order of the table, all over its wavelengths.
     pub leaves: Vec<LeafSpectra>,
     /// Number of cells that hold no measurement.
     pub gaps: usize,
+    /// Names of the leaves without any measurement, which are left out.
+    pub left_out: Vec<String>,
 }
 
 /// Reads a table of spectra. `scale` multiplies every value: 0.01 for percent.
 ///
 /// # Errors
-/// [`SynthError::BadSpectra`] with what is wrong: no table, no wavelengths, no leaf, a share named twice, values that are
-/// no shares of light.
+/// [`SynthError::BadSpectra`] with what is wrong: no table, no wavelengths, no leaf, a share or a wavelength given twice,
+/// rows that do not fit the heading, values that are no shares of light.
 pub fn read_spectra(path: impl AsRef<Path>, scale: f64) -> Result<ReadSpectra, SynthError> {
     let path = path.as_ref();
     let bad = |reason: String| SynthError::BadSpectra { path: path.display().to_string(), reason };
     let text = read_text(path).map_err(bad)?;
     let stem = path.file_stem().map_or_else(|| "leaf".to_owned(), |stem| stem.to_string_lossy().into_owned());
-    read_table(&text, &stem, scale).map_err(bad)
+    read_table(text.trim_start_matches('\u{FEFF}'), &stem, scale).map_err(bad)
 }
 
 fn read_text(path: &Path) -> Result<String, String> {
@@ -57,31 +63,80 @@ fn read_text(path: &Path) -> Result<String, String> {
         return Err(format!("it is larger than {} MB; split it", MAX_BYTES >> 20));
     }
     let bytes = files::read(path).map_err(|error| format!("it cannot be read ({error})"))?;
-    let text = String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text; save it as CSV".to_owned())?;
-    Ok(text.strip_prefix('\u{FEFF}').map_or(text.clone(), str::to_owned))
+    String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text; save it as CSV in UTF-8".to_owned())
 }
 
-/// Shares of light of a leaf by wavelength, as the table has them.
-type Measured = [Vec<(f64, f64)>; 2];
+/// Table that is split into cells.
+struct Table {
+    names: Vec<String>,
+    /// Number of each row's line, and its cells, as many as there are names.
+    rows: Vec<(usize, Vec<String>)>,
+    separator: char,
+    scale: f64,
+}
+
+impl Table {
+    fn split(text: &str, scale: f64) -> Result<Table, String> {
+        let mut lines = lines(text);
+        let (number, heading) = lines.next().ok_or("it is empty")?;
+        let separator = separator_of(heading);
+        let split =
+            |number: usize, line: &str| fields(line, separator).map_err(|fault| format!("line {number}: {fault}"));
+        let names = split(number, heading)?;
+        let mut rows = Vec::new();
+        for (number, line) in lines {
+            let mut cells = split(number, line)?;
+            while cells.len() > names.len() && cells.last().is_some_and(String::is_empty) {
+                cells.pop();
+            }
+            if cells.len() > names.len() {
+                return Err(format!(
+                    "line {number} has {} values where the heading names {}; name every column, and separate by \
+                     semicolons where commas are decimal",
+                    cells.len(),
+                    names.len()
+                ));
+            }
+            cells.resize(names.len(), String::new());
+            rows.push((number, cells));
+        }
+        Ok(Table { names, rows, separator, scale })
+    }
+
+    /// Returns the number in a cell.
+    fn number(&self, text: &str) -> Option<f64> {
+        let parsed = match self.separator {
+            ',' => text.parse(),
+            _ => text.replace(',', ".").parse(),
+        };
+        parsed.ok().filter(|value: &f64| value.is_finite())
+    }
+
+    /// Returns the share of light in a cell; NaN where nothing was measured.
+    fn share(&self, text: &str) -> f64 {
+        let value = self.number(text).filter(|value| *value > LEAST_MEASURED);
+        value.map_or(f64::NAN, |value| self.scale * value)
+    }
+}
+
+/// Shares of light of a leaf, each over all wavelengths of the table, as far as there are.
+type Measured = [Option<Vec<f64>>; 2];
 
 /// Leaves of a table in its order.
 #[derive(Default)]
 struct Leaves {
     order: Vec<String>,
     by_name: BTreeMap<String, Measured>,
-    gaps: usize,
 }
 
 impl Leaves {
-    /// Returns the values of a leaf's share, which must be new.
-    fn share(&mut self, name: &str, side: usize) -> Result<&mut Vec<(f64, f64)>, String> {
+    fn put(&mut self, name: &str, side: usize, values: Vec<f64>) -> Result<(), String> {
         if !self.by_name.contains_key(name) {
             self.order.push(name.to_owned());
         }
-        let values = &mut self.by_name.entry(name.to_owned()).or_default()[side];
-        match values.is_empty() {
-            true => Ok(values),
-            false => {
+        match self.by_name.entry(name.to_owned()).or_default()[side].replace(values) {
+            None => Ok(()),
+            Some(_) => {
                 Err(format!("it has the {} of `{name}` twice; give each leaf a name of its own", SHARE_NAMES[side]))
             }
         }
@@ -89,139 +144,93 @@ impl Leaves {
 }
 
 fn read_table(text: &str, stem: &str, scale: f64) -> Result<ReadSpectra, String> {
-    let mut rows = lines(text);
-    let (_, heading) = rows.next().ok_or("it is empty")?;
-    let separator = separator_of(heading);
-    let split = |number: usize, line: &str| fields(line, separator).map_err(|fault| format!("line {number}: {fault}"));
-    let names = split(1, heading)?;
-    let cell = |text: &str| number(text, separator).map(|value| scale * value);
-    let columns_nm: Vec<Option<f64>> = names.iter().map(|name| wavelength_of(name)).collect();
+    let table = Table::split(text, scale)?;
+    let columns_nm: Vec<Option<f64>> = table.names.iter().map(|name| wavelength_of(name)).collect();
+    let first = table.names.first().map_or_else(String::new, |name| name.to_lowercase());
+    let are_rows = columns_nm.iter().flatten().count() >= MIN_WAVELENGTH_COLUMNS
+        && !WAVELENGTHS.iter().any(|word| first.starts_with(word));
     let mut leaves = Leaves::default();
-    let rows = rows.map(|(number, line)| Ok((number, split(number, line)?)));
-    if columns_nm.iter().flatten().count() >= MIN_WAVELENGTH_COLUMNS {
-        read_rows(&names, &columns_nm, rows, stem, &cell, &mut leaves)?;
-    } else {
-        read_columns(&names, rows, stem, separator, &cell, &mut leaves)?;
+    let nm = match are_rows {
+        true => read_rows(&table, &columns_nm, stem, &mut leaves)?,
+        false => read_columns(&table, stem, &mut leaves)?,
+    };
+    let mut read = ReadSpectra { leaves: Vec::new(), gaps: 0, left_out: Vec::new() };
+    let mut order: Vec<usize> = (0..nm.len()).collect();
+    order.sort_by(|a, b| nm[*a].total_cmp(&nm[*b]));
+    if let Some(pair) = order.windows(2).find(|pair| nm[pair[0]] == nm[pair[1]]) {
+        return Err(format!("it has {} nm twice; average what detectors overlap", nm[pair[0]]));
     }
-    let gaps = leaves.gaps;
-    let leaves = leaves.order.iter().map(|name| spectra_of(name, &leaves.by_name[name]));
-    let leaves = leaves.collect::<Result<Vec<LeafSpectra>, String>>()?;
-    if leaves.is_empty() {
-        return Err("it has no leaf: a column or a row for each share of light is expected".to_owned());
-    }
-    Ok(ReadSpectra { leaves, gaps })
-}
-
-/// Numbered rows of a table.
-type Row = Result<(usize, Vec<String>), String>;
-
-fn read_columns(
-    names: &[String],
-    rows: impl Iterator<Item = Row>,
-    stem: &str,
-    separator: char,
-    cell: &dyn Fn(&str) -> Option<f64>,
-    leaves: &mut Leaves,
-) -> Result<(), String> {
-    let shares: Vec<(String, usize)> = names[1..].iter().map(|name| share_of(name, stem)).collect();
-    if shares.is_empty() {
-        return Err("it has one column; wavelengths and shares of light are expected".to_owned());
-    }
-    let mut columns: Vec<Vec<(f64, f64)>> = vec![Vec::new(); shares.len()];
-    for row in rows {
-        let (line, fields) = row?;
-        let nm = fields.first().and_then(|text| number(text, separator));
-        let nm = nm.ok_or_else(|| {
-            let found = fields.first().map_or("", String::as_str);
-            format!("line {line} starts with `{found}`; wavelengths in nanometres are expected in the first column")
-        })?;
-        for (column, values) in columns.iter_mut().enumerate() {
-            match fields.get(column + 1).and_then(|text| cell(text)).filter(|value| *value > LEAST_MEASURED) {
-                Some(value) => values.push((nm, value)),
-                None => leaves.gaps += 1,
-            }
+    let sorted = |values: &Vec<f64>| order.iter().map(|i| values[*i]).collect::<Vec<f64>>();
+    for name in &leaves.order {
+        let shares = leaves.by_name[name].each_ref().map(|shares| shares.as_ref().map(sorted).unwrap_or_default());
+        read.gaps += shares.iter().flatten().filter(|share| share.is_nan()).count();
+        if shares.iter().flatten().all(|share| share.is_nan()) {
+            read.left_out.push(name.clone());
+        } else {
+            read.leaves.push(LeafSpectra::new(name, &sorted(&nm), &shares[0], &shares[1])?);
         }
     }
-    for ((name, side), values) in shares.iter().zip(columns) {
-        *leaves.share(name, *side)? = values;
+    match (read.leaves.is_empty(), read.left_out.is_empty()) {
+        (true, true) => Err("it has no leaf: a column or a row for each share of light is expected".to_owned()),
+        (true, false) => Err(format!("nothing was measured of {}", read.left_out.join(", "))),
+        _ => Ok(read),
     }
-    Ok(())
 }
 
-fn read_rows(
-    names: &[String],
-    columns_nm: &[Option<f64>],
-    rows: impl Iterator<Item = Row>,
-    stem: &str,
-    cell: &dyn Fn(&str) -> Option<f64>,
-    leaves: &mut Leaves,
-) -> Result<(), String> {
+/// Reads leaves from columns. Returns the wavelengths.
+fn read_columns(table: &Table, stem: &str, leaves: &mut Leaves) -> Result<Vec<f64>, String> {
+    if table.names.len() < 2 {
+        return Err("it has one column; wavelengths and shares of light are expected".to_owned());
+    }
+    let wavelength = |(line, cells): &(usize, Vec<String>)| {
+        table.number(&cells[0]).ok_or_else(|| {
+            let found = &cells[0];
+            format!("line {line} starts with `{found}`; wavelengths in nanometres are expected in the first column")
+        })
+    };
+    let nm = table.rows.iter().map(wavelength).collect::<Result<Vec<f64>, String>>()?;
+    for (column, heading) in table.names.iter().enumerate().skip(1) {
+        if let Some((name, side)) = share_of(heading, stem) {
+            leaves.put(&name, side, table.rows.iter().map(|(_, cells)| table.share(&cells[column])).collect())?;
+        }
+    }
+    Ok(nm)
+}
+
+/// Reads leaves from rows. Returns the wavelengths.
+fn read_rows(table: &Table, columns_nm: &[Option<f64>], stem: &str, leaves: &mut Leaves) -> Result<Vec<f64>, String> {
     let find = |words: &[&str]| {
-        names
-            .iter()
-            .zip(columns_nm)
-            .position(|(name, nm)| nm.is_none() && words.contains(&name.to_lowercase().as_str()))
+        let named = |(name, nm): (&String, &Option<f64>)| nm.is_none() && words.contains(&name.to_lowercase().as_str());
+        table.names.iter().zip(columns_nm).position(named)
     };
     let name_at = find(&["name", "sample", "id", "leaf", "sample_id", "sample_name"]);
     let quantity_at = find(&["quantity", "measurement", "type"]);
-    for row in rows {
-        let (line, fields) = row?;
-        let field = |at: Option<usize>| at.and_then(|at| fields.get(at)).map(String::as_str);
-        let name = field(name_at).map_or_else(|| format!("{stem}-{line}"), str::to_owned);
-        let side = match field(quantity_at) {
+    for (line, cells) in &table.rows {
+        let side = match quantity_at.map(|at| cells[at].as_str()) {
             None => 0,
             Some(word) => side_of(word).ok_or_else(|| {
                 format!("line {line} has `{word}` for its quantity; reflectance or transmittance is expected")
             })?,
         };
-        let mut values = Vec::new();
-        for (text, nm) in fields.iter().zip(columns_nm) {
-            let Some(nm) = nm else { continue };
-            match cell(text).filter(|value| *value > LEAST_MEASURED) {
-                Some(value) => values.push((*nm, value)),
-                None => leaves.gaps += 1,
-            }
-        }
-        *leaves.share(&name, side)? = values;
+        let name = match name_at.map(|at| cells[at].as_str()) {
+            Some(name) if !name.is_empty() => name.to_owned(),
+            // One leaf, unless rows are told apart by nothing but their place.
+            None if quantity_at.is_some() => stem.to_owned(),
+            _ => format!("{stem}-{line}"),
+        };
+        let shares = cells.iter().zip(columns_nm).filter(|(_, nm)| nm.is_some());
+        leaves.put(&name, side, shares.map(|(text, _)| table.share(text)).collect())?;
     }
-    Ok(())
+    Ok(columns_nm.iter().flatten().copied().collect())
 }
 
-/// Returns the spectra of a leaf over the wavelengths of both shares.
-fn spectra_of(name: &str, measured: &Measured) -> Result<LeafSpectra, String> {
-    let mut wavelengths_nm: Vec<f64> = measured.iter().flatten().map(|(nm, _)| *nm).collect();
-    wavelengths_nm.sort_by(f64::total_cmp);
-    wavelengths_nm.dedup();
-    let mut shares = [0, 1].map(|_| vec![f64::NAN; wavelengths_nm.len()]);
-    for (shares, measured) in shares.iter_mut().zip(measured) {
-        for (nm, value) in measured {
-            if let Ok(at) = wavelengths_nm.binary_search_by(|x| x.total_cmp(nm)) {
-                shares[at] = *value;
-            }
-        }
-    }
-    LeafSpectra::new(name, &wavelengths_nm, &shares[0], &shares[1])
-}
-
-/// Returns the number in a cell.
-fn number(text: &str, separator: char) -> Option<f64> {
-    let parsed = match separator {
-        ',' => text.parse(),
-        _ => text.replace(',', ".").parse(),
-    };
-    parsed.ok().filter(|value: &f64| value.is_finite())
-}
-
-/// Returns the wavelength that names a column.
+/// Returns the wavelength that names a column: `450`, `X450`, `wl_450`, `450nm`, but no sample that ends in digits.
 fn wavelength_of(name: &str) -> Option<f64> {
     let name = name.trim_end_matches("nm").trim_end_matches(['_', ' ']);
     let digits = name.trim_start_matches(|c: char| c.is_alphabetic() || c == '_');
-    // `X450` and `wl_450`, but no sample that ends in digits.
-    let prefix = name.len() - digits.len();
+    let prefix = name[..name.len() - digits.len()].to_lowercase();
     let value = digits.parse().ok().filter(|nm| (HEADING_NM[0]..=HEADING_NM[1]).contains(nm));
-    value.filter(|_| {
-        prefix == 0 || ["x", "wl", "wl_", "w", "nm", "nm_"].contains(&name[..prefix].to_lowercase().as_str())
-    })
+    value.filter(|_| ["", "x", "wl", "wl_", "w", "nm", "nm_"].contains(&prefix.as_str()))
 }
 
 fn side_of(word: &str) -> Option<usize> {
@@ -229,19 +238,21 @@ fn side_of(word: &str) -> Option<usize> {
     (0..2).find(|side| WORDS[*side].contains(&word.as_str()))
 }
 
-/// Returns the leaf and the share of light that the heading of a column names.
-fn share_of(heading: &str, stem: &str) -> (String, usize) {
-    let is_word = |c: char| c.is_alphanumeric();
-    let first = &heading[..heading.find(|c| !is_word(c)).unwrap_or(heading.len())];
-    let last = &heading
-        [heading.rfind(|c| !is_word(c)).map_or(0, |at| at + heading[at..].chars().next().map_or(1, char::len_utf8))..];
+/// Returns the leaf and the share of light that the heading of a column names; `None` for deviations.
+fn share_of(heading: &str, stem: &str) -> Option<(String, usize)> {
+    let mut words = heading.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+    let (first, last) = (words.next().unwrap_or(""), words.next_back().unwrap_or(""));
+    if DEVIATIONS.contains(&last.to_lowercase().as_str()) {
+        return None;
+    }
+    // A heading of one word has it as its first.
     let (side, rest) = match (side_of(last), side_of(first)) {
-        (Some(side), _) => (side, &heading[..heading.len() - last.len()]),
-        (None, Some(side)) => (side, &heading[first.len()..]),
+        (Some(side), _) => (side, &heading[..heading.rfind(last)?]),
+        (None, Some(side)) => (side, &heading[heading.find(first)? + first.len()..]),
         (None, None) => (0, heading),
     };
-    let name = rest.trim_matches(|c: char| !is_word(c));
-    (if name.is_empty() { stem.to_owned() } else { name.to_owned() }, side)
+    let name = rest.trim_matches(|c: char| !c.is_alphanumeric());
+    Some((if name.is_empty() { stem.to_owned() } else { name.to_owned() }, side))
 }
 
 #[cfg(test)]
@@ -255,13 +266,13 @@ mod tests {
     #[test]
     fn columns_hold_a_share_of_a_leaf_each() {
         let text = "# by hand\nwavelength_nm,oak reflectance,oak_T,ash\n400,0.05,0.01,0.06\n450,,0.02,-9.999\n500,NA,0.03,0.08\n";
-        let ReadSpectra { leaves, gaps } = read(text);
+        let ReadSpectra { leaves, gaps, .. } = read(text);
         assert_eq!(gaps, 3);
         let [oak, ash] = &leaves[..] else { panic!("{leaves:?}") };
         assert_eq!((oak.name.as_str(), ash.name.as_str()), ("oak", "ash"));
         assert_eq!(oak.wavelengths_nm, [400.0, 450.0, 500.0]);
         assert!(oak.shares[0][0] == 0.05 && oak.shares[0][1].is_nan() && oak.shares[1] == [0.01, 0.02, 0.03]);
-        assert_eq!((ash.wavelengths_nm.as_slice(), ash.shares[0].as_slice()), (&[400.0, 500.0][..], &[0.06, 0.08][..]));
+        assert!(ash.wavelengths_nm == oak.wavelengths_nm && ash.shares[0][1].is_nan() && ash.shares[0][2] == 0.08);
     }
 
     #[test]
@@ -277,7 +288,7 @@ mod tests {
     fn rows_are_leaves_where_columns_are_wavelengths() {
         let text =
             "sample,species,quantity,X400,X450,500nm\na,oak,R,0.1,0.2,0.3\na,oak,T,0.01,,0.03\nb,ash,R,0.4,0.5,0.6\n";
-        let ReadSpectra { leaves, gaps } = read(text);
+        let ReadSpectra { leaves, gaps, .. } = read(text);
         assert_eq!((leaves.len(), gaps), (2, 1));
         assert_eq!(leaves[1].shares[0], [0.4, 0.5, 0.6]);
         assert!(leaves[0].shares[1][1].is_nan());
@@ -286,10 +297,36 @@ mod tests {
     }
 
     #[test]
+    fn headings_of_many_hands_name_leaves_and_shares() {
+        for (heading, leaf, side) in [
+            ("oak (T)", "oak", 1),
+            ("oak [R]", "oak", 0),
+            ("oak T (%)", "oak", 1),
+            ("Transmittance of oak", "of oak", 1),
+            ("R", "file", 0),
+            ("\u{e9}rable_R", "\u{e9}rable", 0),
+            ("0401", "0401", 0),
+            ("", "file", 0),
+        ] {
+            assert_eq!(share_of(heading, "file"), Some((leaf.to_owned(), side)), "{heading}");
+        }
+        assert_eq!(share_of("oak reflectance SD", "file"), None);
+        // Leaves whose names are numbers, beside a column that says that it holds wavelengths.
+        let numbered = read("wavelength,0401,0402,0403\n400,0.1,0.2,0.3\n");
+        assert_eq!(numbered.leaves.iter().map(|leaf| leaf.name.as_str()).collect::<Vec<_>>(), ["0401", "0402", "0403"]);
+        // A leaf that was never measured is left out and told; wavelengths may fall.
+        let empty = read("nm,a,b\n450,0.1,\n400,0.2,NA\n");
+        assert_eq!((empty.left_out, &empty.leaves[0].shares[0][..]), (vec!["b".to_owned()], &[0.2, 0.1][..]));
+    }
+
+    #[test]
     fn percent_is_scaled_or_told() {
         let text = "nm,r\n400,5\n450,40\n";
         assert!(read_table(text, "f", 1.0).unwrap_err().contains("divide percent by 100"));
         assert_eq!(read_table(text, "f", 0.01).unwrap().leaves[0].shares[0], [0.05, 0.4]);
+        // What was not measured stays so.
+        let gappy = read_table("nm,r\n400,-9.999\n450,40\n", "f", 0.01).unwrap();
+        assert!(gappy.gaps == 1 && gappy.leaves[0].shares[0][0].is_nan());
     }
 
     #[test]
@@ -302,7 +339,10 @@ mod tests {
             ("nm,R\n300,0.1\n", "no value between 400 and 2500"),
             ("nm,\"R\n400,0.1\n", "quote"),
             ("id,type,400,450,500\na,absorptance,0.1,0.1,0.1\n", "`absorptance`"),
-            ("nm,R\n", "no value"),
+            ("nm,R\n", "nothing was measured of file"),
+            ("nm,R\n400,0,05\n", "line 2 has 3 values where the heading names 2"),
+            ("nm,R\n700,0.1\n700,0.2\n", "700 nm twice"),
+            ("400,450,500\na,0.1,0.2,0.3\n", "line 2 has 4 values"),
         ] {
             let fault = read_table(text, "file", 1.0).unwrap_err();
             assert!(fault.contains(clause), "{text:?}: {fault}");

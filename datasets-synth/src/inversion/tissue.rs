@@ -45,7 +45,7 @@ pub(crate) const TISSUE_UNKNOWNS: [Unknown; 3] = [
     Unknown {
         key: "rest",
         option: "rest",
-        name: "water, protein, cellulose and lignin over the model's leaf",
+        name: "everything else that absorbs, over that of the model's leaf",
         unit: "",
         bounds: [0.0, 10.0],
         start: 1.0,
@@ -88,7 +88,7 @@ impl TissueForward {
         })?;
         let (first, last) =
             wavelengths_nm.iter().fold((f64::MAX, f64::MIN), |(low, high), nm| (low.min(*nm), high.max(*nm)));
-        let constant = tissue.has_constant_indices() || first > last;
+        let constant = tissue.has_constant_indices();
         let count = if constant { 1 } else { ((last - first) / TRACE_STEP_NM).ceil() as usize + 1 };
         let beam = Spectrophotometer { face, ..Spectrophotometer::parallel() };
         let trace = |i: usize| {
@@ -118,7 +118,7 @@ fn with_unit_pigments(model: &LeafModel) -> LeafModel {
     const UNIT: MicrogramsPerSquareCentimetre = MicrogramsPerSquareCentimetre(1.0);
     let mut model = *model;
     match &mut model {
-        LeafModel::Plate(_) => {}
+        LeafModel::Plate(_) | LeafModel::TwoSided(_) => {}
         LeafModel::Abm97(leaf) => (leaf.chlorophyll, leaf.carotenoid) = (UNIT, UNIT),
         LeafModel::AbmB(AbmB { specimen, .. }) | LeafModel::AbmU(AbmU { specimen, .. }) => {
             specimen.composition.chlorophyll = specimen.concentration(UNIT);

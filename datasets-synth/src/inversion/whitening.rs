@@ -129,11 +129,14 @@ impl Errors {
         Whitening { length_nm, triangle: [[1.0 / a, 0.0], [-both / (r * c), 1.0 / c]] }
     }
 
-    /// Returns the standard deviation of all errors of a fit of `unknowns` unknowns.
-    pub(crate) fn deviation(&self, unknowns: usize) -> f64 {
+    /// Returns the standard deviation of all errors of a fit of `unknowns` unknowns; at least `expected` where they are too few
+    /// to tell.
+    pub(crate) fn deviation(&self, unknowns: usize, expected: f64) -> f64 {
         let errors = self.rows.iter().flat_map(|(_, errors)| errors.iter().flatten());
         let (squares, count) = errors.fold((0.0, 0usize), |(squares, count), x| (squares + x * x, count + 1));
-        f64::sqrt(squares / count.saturating_sub(unknowns).max(1) as f64).max(LEAST_ERROR)
+        let freedom = count.saturating_sub(unknowns);
+        let deviation = f64::sqrt(squares / freedom.max(1) as f64);
+        deviation.max(if freedom < MIN_FREEDOM { expected } else { LEAST_ERROR })
     }
 
     /// Returns the root mean square errors of reflectance and transmittance, as far as measured.
@@ -162,11 +165,97 @@ impl Errors {
             }
         }
         let shared = products / f64::max(squares, 1e-300);
-        if count == 0.0 || shared <= 0.0 { 0.0 } else { -step_nm / count / shared.min(1.0 - 1e-9).ln() }
+        // As much as noise shows by chance is none.
+        if count == 0.0 || shared <= CHANCE / f64::sqrt(count) {
+            0.0
+        } else {
+            -step_nm / count / shared.min(1.0 - 1e-9).ln()
+        }
     }
 }
 
 /// Standard deviation of errors at least: a millionth of the light, finer than any instrument.
 const LEAST_ERROR: f64 = 1e-6;
+/// Errors beyond the number of unknowns that tell their own standard deviation.
+const MIN_FREEDOM: usize = 10;
+/// Correlation of neighbours below which it is chance, over the root of their number: two standard errors.
+const CHANCE: f64 = 2.0;
 /// Correlation of the errors of both shares at most.
 const MAX_SHARED: f64 = 0.95;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+
+    /// Draws errors of standard deviation 0.01 every 5 nm that fall to 1/e over `length_nm`; those of transmittance follow
+    /// reflectance's by the correlation -0.6.
+    fn errors(length_nm: f64, seed: u64) -> Errors {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut normal = || {
+            let (radius, turn) = ((-2.0 * (1.0 - random.r#gen::<f64>()).ln()).sqrt(), random.r#gen::<f64>());
+            radius * (std::f64::consts::TAU * turn).cos()
+        };
+        let kept = if length_nm > 0.0 { f64::exp(-5.0 / length_nm) } else { 0.0 };
+        let mut now = [0.0; 2];
+        let mut rows = Vec::new();
+        for i in 0..3000 {
+            let r = normal();
+            let fresh = [r, -0.6 * r + 0.8 * normal()];
+            for side in 0..2 {
+                now[side] = kept * now[side] + (1.0 - kept * kept).sqrt() * fresh[side];
+            }
+            rows.push((5.0 * f64::from(i), now.map(|error| Some(0.01 * error))));
+        }
+        Errors { rows }
+    }
+
+    #[test]
+    fn errors_that_hang_together_are_learnt_and_made_independent() {
+        for length_nm in [0.0, 20.0, 40.0] {
+            let errors = errors(length_nm, 1);
+            let whitening = errors.learn(60.0);
+            assert!((whitening.length_nm - length_nm).abs() < 0.15 * length_nm + 1e-9, "{length_nm}: {whitening:?}");
+            let mut whitener = Whitener::new(&whitening);
+            let row = |error: f64| Row { error, by: [error; MAX_UNKNOWNS] };
+            let fresh: Vec<[f64; 2]> = errors
+                .rows
+                .iter()
+                .map(|(nm, errors)| {
+                    whitener.next(*nm, errors.map(|error| error.map(row))).map(|row| row.unwrap().error)
+                })
+                .collect();
+            let mean = |of: &dyn Fn(&[f64; 2]) -> f64| fresh.iter().map(of).sum::<f64>() / fresh.len() as f64;
+            for side in 0..2 {
+                let variance = mean(&|x| x[side] * x[side]);
+                assert!((variance - 1.0).abs() < 0.05, "{length_nm}: {variance}");
+                let along = fresh.windows(2).map(|x| x[0][side] * x[1][side]).sum::<f64>() / fresh.len() as f64;
+                assert!(along.abs() < 0.06, "{length_nm}: {along}");
+            }
+            assert!(mean(&|x| x[0] * x[1]).abs() < 0.05);
+        }
+        // Planted difference: what takes these errors for independent leaves them as they are.
+        let (together, none) = (errors(40.0, 1), Whitening::even(0.01));
+        let mut whitener = Whitener::new(&none);
+        let row = |error: f64| Row { error, by: [0.0; MAX_UNKNOWNS] };
+        let left = together.rows.iter().map(|(nm, x)| whitener.next(*nm, x.map(|x| x.map(row)))[0].unwrap().error);
+        let left: Vec<f64> = left.collect();
+        assert!(left.windows(2).map(|x| x[0] * x[1]).sum::<f64>() / left.len() as f64 > 0.7);
+    }
+
+    #[test]
+    fn a_share_alone_has_its_own_variance_and_few_errors_are_as_large_as_expected() {
+        let mut errors = errors(0.0, 2);
+        let whitening = errors.learn(60.0);
+        errors.rows.iter_mut().for_each(|(_, errors)| errors[0] = None);
+        let mut whitener = Whitener::new(&whitening);
+        let row = |error: f64| Row { error, by: [0.0; MAX_UNKNOWNS] };
+        let alone = errors.rows.iter().map(|(nm, x)| whitener.next(*nm, x.map(|x| x.map(row)))[1].unwrap().error);
+        let variance = alone.map(|x| x * x).sum::<f64>() / errors.rows.len() as f64;
+        assert!((variance - 1.0).abs() < 0.05, "{variance}");
+        assert!((errors.deviation(7, 1.0) - 0.01).abs() < 5e-4);
+        errors.rows.truncate(8);
+        assert_eq!(errors.deviation(7, 1.0), 1.0);
+    }
+}

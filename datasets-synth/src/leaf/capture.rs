@@ -40,19 +40,33 @@ pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: 
             progress,
         ),
         (LeafModel::Plate(model), None) => write_capture(dir, info, || plate_leaf(*model, params), progress),
+        (LeafModel::TwoSided(halves), None) => write_capture(
+            dir,
+            info,
+            || {
+                let body = PlateBody::two_sided(*halves, params.side, params.bands);
+                body_leaf(&body, params.gloss.coupling, params)
+            },
+            progress,
+        ),
         (_, None) => unreachable!("a model without a tissue is made of plates"),
     }
 }
 
 /// Returns the material of a plate model.
 fn plate_leaf(model: PlateModel, params: &LeafParams) -> Result<PlateLeaf, SynthError> {
-    let leaf = Leaf::new(params)?;
     let bands = if model == PlateModel::Paper { RgbBands::ThreeWavelength } else { params.bands };
     let body = PlateBody::new(model, model.default_table(), bands)?;
     // The printed body holds the surface's reflection already, and nothing couples it to the gloss.
     let coupling = if model == PlateModel::Paper { GlossCoupling::None } else { params.gloss.coupling };
+    body_leaf(&body, coupling, params)
+}
+
+/// Returns the material of a leaf with the body `body`.
+fn body_leaf(body: &PlateBody, coupling: GlossCoupling, params: &LeafParams) -> Result<PlateLeaf, SynthError> {
+    let leaf = Leaf::new(params)?;
     let lobe = CookTorrance::from_params(&GlossParams { coupling, ..params.gloss });
-    Ok(PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, leaf.veins, &body, lobe))
+    Ok(PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, leaf.veins, body, lobe))
 }
 
 #[cfg(test)]

@@ -14,6 +14,8 @@ use crate::optics::abm::path_lengths::Face;
 use crate::optics::abm::scatter_table::Passage;
 use crate::optics::colour::RgbBands;
 use crate::optics::gloss::params::GlossParams;
+use crate::optics::plates::model::PlateModel;
+use crate::optics::plates::two_halves::TwoHalves;
 use crate::surface::capture_params::CaptureParams;
 use crate::surface::grid::Grid;
 
@@ -91,6 +93,10 @@ impl LeafParams {
         self.look.check()?;
         match &self.model {
             LeafModel::Plate(model) => model.check(model.default_table(), &self.contents)?,
+            LeafModel::TwoSided(halves) => {
+                halves.check()?;
+                PlateModel::N.check(PlateModel::N.default_table(), &self.contents)?;
+            }
             LeafModel::Abm97(leaf) => leaf.check()?,
             LeafModel::AbmB(leaf) => leaf.specimen.check()?,
             LeafModel::AbmU(leaf) => leaf.specimen.check()?,
@@ -120,7 +126,7 @@ impl LeafParams {
         };
         let c = &self.contents;
         let optics = match &self.model {
-            LeafModel::Plate(_) => format!(
+            LeafModel::Plate(_) | LeafModel::TwoSided(_) => format!(
                 "chlorophyll {} ug/cm2, carotenoids {} ug/cm2, anthocyanins {} ug/cm2, brown {}, water {} cm, dry \
                  matter {} g/cm2, N {}, gloss {} of index {}, roughness {} along and {} across the veins, {}",
                 c.chlorophyll_ug_per_cm2,
@@ -149,7 +155,13 @@ impl LeafParams {
                 specimen.mesophyll_thickness().0
             ),
         };
-        let model = self.model.name();
+        let model = match &self.model {
+            LeafModel::TwoSided(TwoHalves { layers, pigments, body }) => format!(
+                "{} (palisade with {layers} of the layers, {pigments} of the pigments, {body} of water and dry matter)",
+                self.model.name()
+            ),
+            model => model.name().to_owned(),
+        };
         let look = self.look.provenance();
         format!(
             "btf-synth leaf: model {model}, {optics}{look}, {face} face in {light}, seed {}, synthetic",

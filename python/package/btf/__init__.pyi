@@ -9,6 +9,8 @@ from typing import Any, Callable, List, Literal, Optional, Sequence, Tuple, Unio
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import leaf as leaf
+
 __version__: str
 
 #: Called as `progress(stage, done, total)`; 0 of 0 at the begin of a stage. What it raises ends the work.

@@ -28,6 +28,7 @@ def invert(
     side: Literal["adaxial", "abaxial"] = "adaxial",
     held: Optional[Mapping[str, float]] = None,
     independent: bool = False,
+    cone_deg: float = 40.0,
     rays: int = 200_000,
     seed: int = 1,
     threads: int = 0,
@@ -39,14 +40,15 @@ def invert(
     model: the leaf's optics. side: the face that was lit; plates are alike from both.
     held: values that are known, such as {"brown": 0}.
     independent: take errors at neighbouring wavelengths for independent, as plain least squares do.
+    cone_deg: half-angle of the cone of incident light, for plates.
     rays, seed: of the traces of an algorithmic model. threads: 0 for as many as there are processors.
 
-    Returns arrays, one number for each leaf: for each key in "unknowns" the value, KEY + "_standard_error" and KEY + "_state"
-    ("found", "at-bound", "held", "untold"); "correlations" (leaves, unknowns, unknowns); "rmse_reflectance" and
-    "rmse_transmittance"; "remarks", a list of sentences for each leaf. Raises ValueError for spectra and values that do not
-    fit.
+    Returns a dict. For each key in "unknowns": KEY, an array of a value for each leaf; KEY + "_standard_error", an array with NaN
+    for what was not found; KEY + "_state", a list of "found", "found-by-domain", "at-bound", "held" or "untold". Besides
+    "correlations", an array (leaves, unknowns, unknowns); "rmse_reflectance" and "rmse_transmittance", arrays; "remarks", a
+    list of sentences for each leaf. Raises ValueError for spectra and values that do not fit.
     """
     nm = np.ascontiguousarray(np.asarray(wavelengths_nm, dtype=np.float64))
     return _invert_leaves(
-        nm, _rows(reflectance), _rows(transmittance), model, side, dict(held or {}), independent, rays, seed, threads
+        nm, _rows(reflectance), _rows(transmittance), model, side, dict(held or {}), independent, cone_deg, rays, seed, threads
     )

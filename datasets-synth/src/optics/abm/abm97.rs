@@ -38,8 +38,8 @@
 //! When it is wrong: light enters at eta_c and leaves at eta_m without an interface between the two, so
 //! etendue is not conserved and the model is not reciprocal (without absorption diffuse transmittance is
 //! 0.465 from one face and 0.480 from the other); the cosine lobes about slanted rays send too much
-//! light towards grazing transmission; the back's reflectance at 680 nm is 0.18 where 60 measured green
-//! leaves have 0.10 on average (states 3 and 4 unspread give that value). `abm_b` mends the interfaces.
+//! light towards grazing transmission; the back's reflectance at 680 nm is 0.18 where measured broad
+//! leaves have 0.11 on average (states 3 and 4 unspread give 0.10). `abm_b` mends the interfaces.
 
 use crate::error::{SynthError, check_range};
 use crate::optics::abm::stack::{Crossing, Interface, Medium, PathRule, Spread, Stack};

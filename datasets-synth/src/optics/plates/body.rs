@@ -3,6 +3,7 @@
 use btf_models::LeafContents;
 
 use crate::error::SynthError;
+use crate::optics::abm::path_lengths::Face;
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};
 use crate::optics::interface::DiffuseFaces;
 use crate::optics::plates::exact::plate_inside_of;
@@ -10,6 +11,7 @@ use crate::optics::plates::model::PlateModel;
 use crate::optics::plates::paper::plate_paper;
 use crate::optics::plates::pile::plate_n_inside_of;
 use crate::optics::plates::theta::ThetaForm;
+use crate::optics::plates::two_halves::TwoHalves;
 use crate::optics::specific_absorption::{Coefficients, SpecificAbsorption, absorption_of};
 
 /// Colour of a leaf's body in linear sRGB, signed.
@@ -34,10 +36,18 @@ struct Band {
     weights: [f64; 3],
 }
 
+/// Model that a body is made of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum BodyModel {
+    Plates(PlateModel),
+    /// Unequal halves, and the face that is seen.
+    TwoSided(TwoHalves, Face),
+}
+
 /// Plate model with everything looked up that does not depend on the contents.
 #[derive(Debug, Clone)]
 pub struct PlateBody {
-    model: PlateModel,
+    model: BodyModel,
     theta: ThetaForm,
     bands: Vec<Band>,
 }
@@ -52,6 +62,15 @@ impl PlateBody {
             let allowed = format!("{}: plate-paper is printed for no other", RgbBands::ThreeWavelength.name());
             return Err(SynthError::BadParameter { name: "--bands", value: bands.name().to_owned(), allowed });
         }
+        Ok(PlateBody::of(BodyModel::Plates(model), table, bands))
+    }
+
+    /// Prepares unequal halves, of which `face` is seen, over PROSPECT-D at `bands`.
+    pub fn two_sided(halves: TwoHalves, face: Face, bands: RgbBands) -> PlateBody {
+        PlateBody::of(BodyModel::TwoSided(halves, face), SpecificAbsorption::ProspectD, bands)
+    }
+
+    fn of(model: BodyModel, table: SpecificAbsorption, bands: RgbBands) -> PlateBody {
         let convert = RgbFromSpectrum::new(bands);
         let bands = convert
             .wavelengths_nm()
@@ -63,7 +82,7 @@ impl PlateBody {
                 weights,
             })
             .collect();
-        Ok(PlateBody { model, theta: ThetaForm::Single, bands })
+        PlateBody { model, theta: ThetaForm::Single, bands }
     }
 
     /// Returns the model with theta(k) computed in another form than [`ThetaForm::Single`], whose error no image can
@@ -78,33 +97,35 @@ impl PlateBody {
     /// The colour is finite for any contents and thickness from 0 up and N from 1 up; the caller checks them once with
     /// [`PlateModel::check`]. Cost: see docs/results/trade.md.
     pub fn rgb(&self, contents: &LeafContents, thickness: f64) -> BodyRgb {
+        let structure = contents.structure;
         match self.model {
-            PlateModel::Paper => {
+            BodyModel::Plates(PlateModel::Paper) => {
                 let printed = plate_paper(contents, thickness);
                 BodyRgb {
                     reflectance: printed.map(|band| band.reflectance as f32),
                     transmittance: printed.map(|band| band.transmittance as f32),
                 }
             }
-            PlateModel::Exact => self.sum(contents, thickness, plate_inside_of),
-            PlateModel::N => {
-                self.sum(contents, thickness, |theta, faces| plate_n_inside_of(theta, faces, contents.structure))
-            }
+            BodyModel::Plates(PlateModel::Exact) => self.sum(|band| {
+                let k = thickness / structure * absorption_of(&band.coefficients, contents);
+                plate_inside_of(self.theta.at(k), band.faces)
+            }),
+            BodyModel::Plates(PlateModel::N) => self.sum(|band| {
+                let k = thickness / structure * absorption_of(&band.coefficients, contents);
+                plate_n_inside_of(self.theta.at(k), band.faces, structure)
+            }),
+            BodyModel::TwoSided(halves, face) => self.sum(|band| {
+                let thetas = halves.absorptions(&band.coefficients, contents).map(|k| self.theta.at(thickness * k));
+                halves.inside(thetas, band.faces, structure, face)
+            }),
         }
     }
 
     #[inline]
-    fn sum(
-        &self,
-        contents: &LeafContents,
-        thickness: f64,
-        inside: impl Fn(f64, DiffuseFaces) -> crate::PlateOptics,
-    ) -> BodyRgb {
-        let scale = thickness / contents.structure;
+    fn sum(&self, inside: impl Fn(&Band) -> crate::PlateOptics) -> BodyRgb {
         let (mut front, mut behind) = ([0.0; 3], [0.0; 3]);
         for band in &self.bands {
-            let k = scale * absorption_of(&band.coefficients, contents);
-            let optics = inside(self.theta.at(k), band.faces);
+            let optics = inside(band);
             for channel in 0..3 {
                 front[channel] += band.weights[channel] * optics.reflectance;
                 behind[channel] += band.weights[channel] * optics.transmittance;
@@ -173,6 +194,26 @@ mod tests {
             }
             assert!(planted_worst > 1e-3);
         }
+    }
+
+    #[test]
+    fn a_two_sided_bodys_back_is_paler_and_alike_halves_have_the_colour_of_plates() {
+        let contents = LeafContents::default();
+        let plates = body(PlateModel::N, RgbBands::Spectral31).rgb(&contents, 0.8);
+        for face in [Face::Adaxial, Face::Abaxial] {
+            let alike = PlateBody::two_sided(TwoHalves::ALIKE, face, RgbBands::Spectral31).rgb(&contents, 0.8);
+            for channel in 0..3 {
+                assert!(
+                    (alike.reflectance[channel] - plates.reflectance[channel]).abs() < 1e-5,
+                    "{alike:?} {plates:?}"
+                );
+                assert!((alike.transmittance[channel] - plates.transmittance[channel]).abs() < 1e-5);
+            }
+        }
+        let [face, back] = [Face::Adaxial, Face::Abaxial]
+            .map(|face| PlateBody::two_sided(TwoHalves::default(), face, RgbBands::Spectral31).rgb(&contents, 1.0));
+        assert!((0..3).all(|c| back.reflectance[c] > face.reflectance[c] + 0.01), "{face:?} {back:?}");
+        assert!((0..3).all(|c| (back.transmittance[c] - face.transmittance[c]).abs() < 1e-6));
     }
 
     #[test]

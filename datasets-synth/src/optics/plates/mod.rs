@@ -9,3 +9,4 @@ pub(crate) mod shares;
 pub(crate) mod slopes;
 pub(crate) mod theta;
 pub(crate) mod theta_table;
+pub(crate) mod two_halves;

@@ -118,7 +118,7 @@ impl Layers {
 
     /// Returns reflectance and transmittance of `count > 0` layers under diffuse light.
     #[inline]
-    fn pile(&self, count: f64) -> PlateOptics {
+    pub(crate) fn pile(&self, count: f64) -> PlateOptics {
         if self.absorbed <= 0.0 {
             let transmittance = self.t / (self.t + (1.0 - self.t) * count);
             return PlateOptics { reflectance: 1.0 - transmittance, transmittance };
