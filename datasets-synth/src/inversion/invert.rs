@@ -42,6 +42,8 @@ const LOOKS: usize = 2;
 const MODEL_ERRS: f64 = 0.5;
 /// Distance in nanometres for which [`MODEL_ERRS`] is told.
 const NEIGHBOUR_NM: f64 = 5.0;
+/// Standard deviation of errors below which the model is right, whatever they look like.
+const LEAST_MODEL_ERROR: f64 = 5e-4;
 /// Wavelengths that a domain needs, and how far in nanometres its ends may be from the nearest of them.
 const MIN_DOMAIN_BANDS: usize = 4;
 const DOMAIN_END_NM: f64 = 10.0;
@@ -189,7 +191,8 @@ impl Inverter {
             steps += search.steps;
         }
         let mut found = self.told(&search, &free, &untold);
-        if (-NEIGHBOUR_NM / whitening.length_nm.max(1e-9)).exp() > MODEL_ERRS {
+        let errs = all.errors(&found.values).deviation(0, 0.0) > LEAST_MODEL_ERROR;
+        if errs && (-NEIGHBOUR_NM / whitening.length_nm.max(1e-9)).exp() > MODEL_ERRS {
             for domain in self.forward.domains() {
                 steps += self.refine(&all, domain, &mut found);
             }
