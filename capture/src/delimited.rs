@@ -79,10 +79,8 @@ mod tests {
         let text = "# by hand\n\n nm;R;T\r\n400;0,1;0,2\n";
         let numbered: Vec<(usize, &str)> = lines(text).collect();
         assert_eq!(numbered, [(3, "nm;R;T"), (4, "400;0,1;0,2")]);
-        assert_eq!(
-            fields("\ta\tb", '\t').unwrap().len(),
-            lines("\ta\tb").map(|(_, line)| fields(line, '\t').unwrap().len()).sum()
-        );
+        assert_eq!(lines("\ta\tb").next(), Some((1, "\ta\tb")));
+        assert_eq!(fields("\ta\tb", '\t').unwrap(), ["", "a", "b"]);
         assert_eq!([separator_of(numbered[0].1), separator_of("a\tb"), separator_of("a")], [';', '\t', '\t']);
     }
 }

@@ -70,9 +70,10 @@ pub use instruments::spectrophotometer::{Method, Rays, Spectrophotometer, Spectr
 pub use inversion::digits::significant;
 pub use inversion::forward::{MAX_UNKNOWNS, Unknown};
 pub use inversion::invert::{InversionParams, Inverter};
-pub use inversion::maps::{LeafMaps, invert_captures};
+pub use inversion::maps::{COLOURS_TELL, LeafMaps, invert_captures};
 pub use inversion::outcome::{Inversion, State};
-pub use inversion::spectra::{INVERTED_NM, LeafSpectra};
+pub use inversion::simulated::{any_contents, simulated_spectra};
+pub use inversion::spectra::LeafSpectra;
 pub use inversion::spectra_file::{ReadSpectra, read_spectra};
 pub use leaf::capture::write_leaf_capture;
 pub use leaf::chlorosis::Chlorosis;
@@ -114,7 +115,7 @@ pub use optics::plates::theta::{
     rational_p2q3, three_piece_fit,
 };
 pub use optics::plates::two_halves::{TwoHalves, two_sided_spectrum};
-pub use optics::specific_absorption::{SpecificAbsorption, check_wavelengths};
+pub use optics::specific_absorption::{LEAF_TABLE_NM, SpecificAbsorption, check_wavelengths};
 pub use optics::two_sided::two_sided_diffuse;
 pub use optics::units::{
     Centimetres, GramsPerCubicCentimetre, MicrogramsPerSquareCentimetre, Nanometres, OpticalDepth, PerCentimetre,

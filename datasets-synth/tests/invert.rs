@@ -112,5 +112,9 @@ fn a_photographed_leaf_becomes_a_leaf_file_that_is_photographed_again() {
     // What is there is not written over.
     let refused = synth(&["invert", "--capture", text(&capture), "-o", text(&out)]);
     let sentence = String::from_utf8(refused.stderr).unwrap();
-    assert!(refused.status.code() == Some(1) && sentence.contains("holds files already"), "{sentence}");
+    assert!(
+        refused.status.code() == Some(1)
+            && sentence.contains("leaf is not an empty folder; choose another output folder"),
+        "{sentence}"
+    );
 }

@@ -21,7 +21,7 @@ const FIRST_NM: usize = 450;
 const LAST_NM: usize = 1630;
 const STEP_NM: usize = 10;
 /// Largest sum of reflectance and transmittance of a leaf that counts as measured well.
-const MOST_LIGHT: f64 = 1.0;
+const MAX_LIGHT: f64 = 1.0;
 
 /// A leaf seen from both faces.
 struct Leaf {
@@ -169,7 +169,7 @@ fn read(folder: &Path) -> Result<(Vec<Leaf>, usize), Box<dyn Error>> {
         }
         let count = wavelengths_nm().len();
         let is_whole = shares.iter().all(|shares| shares.len() == count && shares.iter().all(|share| *share > -0.01));
-        let sums = |a: usize| shares[a].iter().zip(&shares[a + 1]).all(|(r, t)| r + t <= MOST_LIGHT);
+        let sums = |a: usize| shares[a].iter().zip(&shares[a + 1]).all(|(r, t)| r + t <= MAX_LIGHT);
         match is_whole && sums(0) && sums(2) {
             true => leaves.push(Leaf { shares }),
             false => left_out += 1,

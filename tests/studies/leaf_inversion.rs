@@ -16,10 +16,10 @@ use btf_capture::{Capture, DirectionSet};
 use btf_models::{LEAF_QUANTITIES, LeafDescription, TextureKind};
 use btf_synth::{
     AppearanceTextures, CaptureParams, Chlorosis, Deficiency, Inversion, InversionParams, Inverter, LeafContents,
-    LeafParams, LeafSpectra, MAX_UNKNOWNS, PROSPECT_CONE_DEG, Passage, PlateModel, Species, SpecificAbsorption, State,
-    TextureImages, invert_captures, plate_spectrum, write_leaf_capture,
+    LeafParams, LeafSpectra, MAX_UNKNOWNS, Passage, Species, State, TextureImages, any_contents, invert_captures,
+    simulated_spectra, write_leaf_capture,
 };
-use rand::{Rng, SeedableRng};
+use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 /// Leaves of each row about noise.
@@ -39,20 +39,6 @@ fn evenly(first: f64, last: f64, step: f64) -> Vec<f64> {
     (0..=((last - first) / step).round() as usize).map(|i| first + step * i as f64).collect()
 }
 
-/// Draws a leaf like those that are measured.
-fn any_leaf(random: &mut Xoshiro256PlusPlus) -> LeafContents {
-    let mut between = |low: f64, high: f64| low + (high - low) * random.r#gen::<f64>();
-    LeafContents {
-        chlorophyll_ug_per_cm2: between(2.0, 90.0),
-        carotenoid_ug_per_cm2: between(1.0, 20.0),
-        anthocyanin_ug_per_cm2: between(0.0, 5.0),
-        brown: between(0.0, 0.3),
-        water_cm: between(0.004, 0.03),
-        dry_matter_g_per_cm2: between(0.002, 0.015),
-        structure: between(1.1, 2.5),
-    }
-}
-
 fn values_of(leaf: &LeafContents) -> [f64; MAX_UNKNOWNS] {
     let leaf = LeafDescription { contents: *leaf, ..LeafDescription::default() };
     std::array::from_fn(|i| LEAF_QUANTITIES[i].of(&leaf))
@@ -70,9 +56,12 @@ fn noise() -> Result<(), Box<dyn Error>> {
         let nm = evenly(first, last, step);
         for both in [true, false] {
             let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
-            let leaves: Vec<LeafContents> = (0..LEAVES).map(|_| any_leaf(&mut random)).collect();
-            let spectra = leaves.iter().map(|leaf| noisy(leaf, &nm, both, &mut random));
-            let spectra = spectra.collect::<Result<Vec<LeafSpectra>, Box<dyn Error>>>()?;
+            let leaves: Vec<LeafContents> = (0..LEAVES).map(|_| any_contents(&mut random)).collect();
+            let spectra = leaves.iter().map(|leaf| simulated_spectra(leaf, &nm, 0.01, &mut random));
+            let mut spectra = spectra.collect::<Result<Vec<LeafSpectra>, _>>()?;
+            if !both {
+                spectra.iter_mut().for_each(|leaf| leaf.shares[1].fill(f64::NAN));
+            }
             let inverter = Inverter::new(&InversionParams::default(), &nm)?;
             let started = Instant::now();
             let found: Vec<Inversion> = spectra.iter().map(|spectra| inverter.invert(spectra)).collect();
@@ -105,22 +94,6 @@ fn noise() -> Result<(), Box<dyn Error>> {
         }
     }
     Ok(())
-}
-
-fn noisy(
-    leaf: &LeafContents,
-    nm: &[f64],
-    both: bool,
-    random: &mut Xoshiro256PlusPlus,
-) -> Result<LeafSpectra, Box<dyn Error>> {
-    let optics = plate_spectrum(PlateModel::N, SpecificAbsorption::ProspectD, leaf, PROSPECT_CONE_DEG, nm)?;
-    let mut noisy = |share: f64| {
-        let (radius, turn) = ((-2.0 * (1.0 - random.r#gen::<f64>()).ln()).sqrt(), random.r#gen::<f64>());
-        share + 0.01 * radius * (std::f64::consts::TAU * turn).cos()
-    };
-    let reflectance: Vec<f64> = optics.iter().map(|optics| noisy(optics.reflectance)).collect();
-    let transmittance: Vec<f64> = optics.iter().map(|optics| noisy(optics.transmittance)).collect();
-    Ok(LeafSpectra::new("leaf", nm, &reflectance, if both { &transmittance } else { &[] })?)
 }
 
 /// Texels of a row of the photographed leaf.

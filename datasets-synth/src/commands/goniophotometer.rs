@@ -118,20 +118,11 @@ fn measure(args: &GoniophotometerArgs) -> Result<Measured, Failure> {
                 .map(|nm| Ok((nm, first.interactions(tissue, Nanometres(nm), INTERACTION_RAYS, args.seed)?)));
             (grams, counted.into_iter().collect::<Result<_, Failure>>()?)
         }
-        (LeafModel::TwoSided(halves), None) => {
-            let (_, lobe) = plate_and_gloss(args, PlateModel::N)?;
-            let contents = args.contents.over(LeafContents::default());
-            let table = PlateModel::N.default_table();
-            let inside = halves.entered(table, &contents, args.side.into(), args.wavelength_nm);
+        (model, None) => {
+            let (inside, lobe) = plate_and_gloss(args, &model)?;
             let measured = args.incidence_deg.iter().map(|&deg| instrument(deg).measure_plate(inside, &lobe));
             (measured.collect::<Result<_, _>>()?, Vec::new())
         }
-        (LeafModel::Plate(plate), None) => {
-            let (inside, lobe) = plate_and_gloss(args, plate)?;
-            let measured = args.incidence_deg.iter().map(|&deg| instrument(deg).measure_plate(inside, &lobe));
-            (measured.collect::<Result<_, _>>()?, Vec::new())
-        }
-        (_, None) => unreachable!("a model without a tissue is made of plates"),
     };
     Ok(Measured { grams, counted, rays: total, seconds: started.elapsed().as_secs_f64() })
 }
@@ -228,25 +219,30 @@ fn table(args: &GoniophotometerArgs, Measured { grams, counted, rays, seconds }:
     text
 }
 
-/// Returns the shares of entered light of a plate at the wavelength, and the specular lobe on top of it.
-fn plate_and_gloss(args: &GoniophotometerArgs, model: PlateModel) -> Result<(PlateOptics, CookTorrance), Failure> {
+/// Returns the shares of entered light of plates at the wavelength, and the specular lobe on top of them.
+fn plate_and_gloss(args: &GoniophotometerArgs, model: &LeafModel) -> Result<(PlateOptics, CookTorrance), Failure> {
+    let plates = match model {
+        LeafModel::Plate(plates) => *plates,
+        _ => PlateModel::N,
+    };
     let contents = args.contents.over(LeafContents::default());
-    let table = model.default_table();
-    model.check(table, &contents)?;
+    let table = plates.default_table();
+    plates.check(table, &contents)?;
     let nm = args.wavelength_nm;
     let printed = GlossParams { coupling: GlossCoupling::None, ..GlossParams::default() };
-    let (inside, params) = match model {
+    let inside = || -> Result<PlateOptics, Failure> {
+        check_wavelengths(&[nm])?;
+        let (k, index) = (table.absorption(&contents, nm) / contents.structure, table.index(nm));
+        Ok(match (model, plates) {
+            (LeafModel::TwoSided(halves), _) => halves.entered(table, &contents, args.side.into(), nm),
+            (_, PlateModel::N) => plate_n_inside(k, index, contents.structure)?,
+            _ => plate_inside(k, index),
+        })
+    };
+    let (inside, params) = match plates {
         // The printed body holds the surface's reflection already; at its three wavelengths alone.
-        PlateModel::Paper => (plate_spectrum(model, table, &contents, 0.0, &[nm])?[0], printed),
-        PlateModel::Exact | PlateModel::N => {
-            check_wavelengths(&[nm])?;
-            let (k, index) = (table.absorption(&contents, nm) / contents.structure, table.index(nm));
-            let inside = match model {
-                PlateModel::N => plate_n_inside(k, index, contents.structure)?,
-                _ => plate_inside(k, index),
-            };
-            (inside, GlossParams::default())
-        }
+        PlateModel::Paper => (plate_spectrum(plates, table, &contents, 0.0, &[nm])?[0], printed),
+        PlateModel::Exact | PlateModel::N => (inside()?, GlossParams::default()),
     };
     let params = GlossParams { gamma_along: args.gamma, gamma_across: args.gamma, ..params };
     params.check()?;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use btf_synth::{
-    Inversion, InversionParams, Inverter, LeafSpectra, LinePlot, PROSPECT_CONE_DEG, Series, State, SynthError, Unknown,
+    Inversion, InversionParams, Inverter, LeafSpectra, LinePlot, PROSPECT_CONE_DEG, Series, SynthError, Unknown,
     read_spectra, significant,
 };
 use clap::Args;
@@ -205,8 +205,7 @@ fn figures(unknowns: &[Unknown], leaf: &LeafSpectra, found: &Inversion) -> Value
     let content = |i: usize| {
         json!({
             "value": found.values[i],
-            // JSON has no NaN: what was not found has null.
-            "standard_error": Some(found.standard_errors[i]).filter(|error| error.is_finite()),
+            "standard_error": told_error(found, i),
             "state": found.states[i].name(),
         })
     };
@@ -233,8 +232,7 @@ fn csv(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
     for (leaf, found) in rows {
         text += &quoted(&leaf.name);
         for i in 0..unknowns.len() {
-            let error = Some(found.standard_errors[i]).filter(|error| error.is_finite());
-            let error = error.map_or_else(String::new, |error| error.to_string());
+            let error = told_error(found, i).map_or_else(String::new, |error| error.to_string());
             text += &format!(",{},{error},{}", found.values[i], found.states[i].name());
         }
         for rmse in found.rmse {
@@ -243,6 +241,11 @@ fn csv(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
         text += &format!(",{}\n", quoted(&found.remarks.join("; ")));
     }
     text
+}
+
+/// Returns a standard error, which what was not found has none of, as JSON has no NaN.
+fn told_error(found: &Inversion, i: usize) -> Option<f64> {
+    Some(found.standard_errors[i]).filter(|error| error.is_finite())
 }
 
 fn quoted(text: &str) -> String {
@@ -260,8 +263,8 @@ fn table(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
             text += &format!("{}, misses its spectra by {}\n", leaf.name, missed(found));
             for (i, unknown) in unknowns.iter().enumerate() {
                 let worth = match found.states[i] {
-                    State::Found | State::FoundByDomain => format!("+- {}", significant(found.standard_errors[i], 2)),
-                    other => format!("({})", other.name()),
+                    state if state.is_found() => format!("+- {}", significant(found.standard_errors[i], 2)),
+                    state => format!("({})", state.name()),
                 };
                 text += &format!(
                     "  {:>10} {:<7} {worth:<12} {}\n",
@@ -282,10 +285,10 @@ fn table(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
         text += &format!("{:<width$}", leaf.name);
         for i in 0..unknowns.len() {
             let worth = match found.states[i] {
-                State::Found | State::FoundByDomain => {
+                state if state.is_found() => {
                     format!("{} +- {}", significant(found.values[i], 4), significant(found.standard_errors[i], 2))
                 }
-                other => format!("{} {}", significant(found.values[i], 4), other.name()),
+                state => format!("{} {}", significant(found.values[i], 4), state.name()),
             };
             text += &format!("  {worth:>16}");
         }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use btf_capture::Capture;
 use btf_capture::atomic::StagedFolder;
 use btf_models::{LEAF_QUANTITIES, LeafDescription, TextureGrid, TextureKind, write_textures};
-use btf_synth::{LeafContents, LeafMaps, MAX_UNKNOWNS, Unknown, invert_captures};
+use btf_synth::{COLOURS_TELL, LeafContents, LeafMaps, MAX_UNKNOWNS, Unknown, invert_captures};
 use serde_json::json;
 
 use super::failure::Failure;
@@ -16,8 +16,6 @@ use super::run_args::RunArgs;
 const USUAL_MM: f32 = 20.0;
 /// Widest patch that a leaf file takes, in millimetres.
 const MAX_MM: f32 = 200.0;
-/// Unknowns that colours tell: chlorophyll, carotenoids, brown pigment.
-const TOLD: [usize; 3] = [0, 1, 3];
 
 /// Finds the maps and writes them into the new folder `out`: `leaf.toml`, `textures` and `standard-errors`.
 pub(super) fn run(
@@ -31,7 +29,7 @@ pub(super) fn run(
     for (i, (unknown, held)) in unknowns.iter().zip(held).enumerate() {
         let Some(value) = held else { continue };
         let option = unknown.option;
-        if TOLD.contains(&i) {
+        if COLOURS_TELL.contains(&i) {
             let sentence = format!("--hold {option}: captures hold cant, cw, cm and n; the rest is what colours tell");
             return Err(Failure::Usage(sentence));
         }
@@ -47,18 +45,12 @@ pub(super) fn run(
         }
         quantity.set(&mut known, *value);
     }
-    if out.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
-        return Err(Failure::Failed(format!(
-            "{} holds files already; give a folder that is new or empty",
-            out.display()
-        )));
-    }
-    let opened: Vec<Capture> = captures
-        .iter()
-        .map(|path| Capture::open(path).map_err(|error| Failure::Failed(error.to_string())))
-        .collect::<Result<_, _>>()?;
+    let opened: Vec<Capture> =
+        captures.iter().map(|path| Capture::open(path).map_err(|error| failed(&error))).collect::<Result<_, _>>()?;
+    // It refuses a folder that is not empty, before any work.
+    let staging = StagedFolder::create(out).map_err(|error| failed(&error))?;
     let maps = run.work("invert", "parts", 1, |progress| invert_captures(&opened, &known.contents, progress))?;
-    write(out, &maps)?;
+    write(staging, &maps)?;
     let LeafContents { chlorophyll_ug_per_cm2: cab, carotenoid_ug_per_cm2: car, brown, .. } = maps.contents;
     let [cab_error, car_error, brown_error] = maps.standard_errors;
     let file = out.join("leaf.toml");
@@ -79,10 +71,12 @@ pub(super) fn run(
     run.report(&result, &line)
 }
 
+fn failed(error: &dyn std::fmt::Display) -> Failure {
+    Failure::Failed(error.to_string())
+}
+
 /// Writes the folder whole or not at all.
-fn write(out: &Path, maps: &LeafMaps) -> Result<(), Failure> {
-    let failed = |error: &dyn std::fmt::Display| Failure::Failed(error.to_string());
-    let staging = StagedFolder::create(out).map_err(|error| failed(&error))?;
+fn write(staging: StagedFolder, maps: &LeafMaps) -> Result<(), Failure> {
     let width = maps.size_mm.map_or(USUAL_MM, |[width, _]| width).min(MAX_MM);
     let rows = maps.pigment.values.len() / 3 / maps.pigment.width;
     let area = [0.0, 0.0, f64::from(width), f64::from(width) * rows as f64 / maps.pigment.width as f64];

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use btf_synth::{
-    Estimate, INVERTED_NM, LeafContents, LeafModel, LinePlot, Method, PAPER_WAVELENGTHS_NM, PlateModel, PlateOptics,
+    Estimate, LEAF_TABLE_NM, LeafContents, LeafModel, LinePlot, Method, PAPER_WAVELENGTHS_NM, PlateModel, PlateOptics,
     Rays, Series, Spectrophotometer, Spectrum, SynthError, plate_spectrum, two_sided_spectrum,
 };
 use clap::{Args, ValueEnum};
@@ -213,7 +213,7 @@ fn wavelengths(args: &SpectrumArgs) -> Result<Vec<f64>, Failure> {
         return Ok(PAPER_WAVELENGTHS_NM.into_iter().rev().collect());
     }
     let (from, to, step) = (args.from_nm, args.to_nm, args.step_nm);
-    let [first, last] = INVERTED_NM;
+    let [first, last] = LEAF_TABLE_NM;
     if !(first..=last).contains(&from) || !(from..=last).contains(&to) || !(0.1..=1000.0).contains(&step) {
         return Err(Failure::Usage(format!(
             "--from-nm {from} --to-nm {to} --step-nm {step} is no range of wavelengths; give {first} to {last} and a step \

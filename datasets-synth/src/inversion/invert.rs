@@ -9,20 +9,19 @@
 //! Sources: the task and its usual way [Jacquemoud 1990; Feret 2017]; the wavelengths of chlorophyll, carotenoids, water
 //! and dry matter [Feret 2019; Spafford 2021].
 
-use nalgebra::SMatrix;
-
 use crate::error::SynthError;
 use crate::inversion::forward::{Domain, Forward, MAX_UNKNOWNS, Unknown, Values};
-use crate::inversion::least_squares::{Minimum, Normal, minimum, movable, restricted};
+use crate::inversion::least_squares::{Minimum, Normal, minimum, movable};
 use crate::inversion::outcome::{Inversion, State};
 use crate::inversion::plates::{PlateForward, plate_unknowns};
 use crate::inversion::remarks::remarks;
-use crate::inversion::spectra::{INVERTED_NM, LeafSpectra};
-use crate::inversion::tissue::{TISSUE_UNKNOWNS, TissueForward};
+use crate::inversion::spectra::LeafSpectra;
+use crate::inversion::tissue::{TissueForward, tissue_unknowns};
 use crate::inversion::whitening::{Errors, Row, Whitener, Whitening};
 use crate::leaf::model::LeafModel;
 use crate::optics::abm::path_lengths::Face;
 use crate::optics::plates::model::{PROSPECT_CONE_DEG, PlateModel};
+use crate::optics::specific_absorption::LEAF_TABLE_NM;
 use btf_models::LEAF_QUANTITIES;
 
 /// Standard deviation of errors before anything is known of them.
@@ -43,7 +42,7 @@ const MODEL_ERRS: f64 = 0.5;
 /// Distance in nanometres for which [`MODEL_ERRS`] is told.
 const NEIGHBOUR_NM: f64 = 5.0;
 /// Standard deviation of errors below which the model is right, whatever they look like.
-const LEAST_MODEL_ERROR: f64 = 5e-4;
+const MIN_MODEL_ERROR: f64 = 5e-4;
 /// Wavelengths that a domain needs, and how far in nanometres its ends may be from the nearest of them.
 const MIN_DOMAIN_BANDS: usize = 4;
 const DOMAIN_END_NM: f64 = 10.0;
@@ -88,7 +87,7 @@ impl InversionParams {
     pub fn unknowns(&self) -> Vec<Unknown> {
         match &self.model {
             LeafModel::Plate(_) | LeafModel::TwoSided(_) => plate_unknowns().to_vec(),
-            _ => TISSUE_UNKNOWNS.to_vec(),
+            _ => tissue_unknowns().to_vec(),
         }
     }
 }
@@ -106,19 +105,19 @@ pub struct Inverter {
 }
 
 impl Inverter {
-    /// Prepares the model of `params` for spectra at `wavelengths_nm`, ascending; those outside of [`INVERTED_NM`] are
+    /// Prepares the model of `params` for spectra at `wavelengths_nm`, ascending; those outside of [`LEAF_TABLE_NM`] are
     /// passed over. An algorithmic model is traced here, on the current pool.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`] for a model whose contents cannot be told, for no wavelength within the range, and
     /// for a value that is held outside of its bounds.
     pub fn new(params: &InversionParams, wavelengths_nm: &[f64]) -> Result<Inverter, SynthError> {
-        let within = |i: &usize| (INVERTED_NM[0]..=INVERTED_NM[1]).contains(&wavelengths_nm[*i]);
+        let within = |i: &usize| (LEAF_TABLE_NM[0]..=LEAF_TABLE_NM[1]).contains(&wavelengths_nm[*i]);
         let covered: Vec<usize> = (0..wavelengths_nm.len()).filter(within).collect();
         let nm: Vec<f64> = covered.iter().map(|i| wavelengths_nm[*i]).collect();
         if nm.is_empty() {
             let value = wavelengths_nm.first().map_or_else(|| "missing".to_owned(), |nm| format!("{nm} nm"));
-            let allowed = format!("some from {} to {} nm", INVERTED_NM[0], INVERTED_NM[1]);
+            let allowed = format!("some from {} to {} nm", LEAF_TABLE_NM[0], LEAF_TABLE_NM[1]);
             return Err(SynthError::BadParameter { name: "the first wavelength", value, allowed });
         }
         let forward: Box<dyn Forward> = match &params.model {
@@ -177,27 +176,27 @@ impl Inverter {
         let (start, free, untold) = self.start(&coarse);
         let mut search = coarse.minimum(&free, start, &Whitening::even(FIRST_ERROR));
         let mut steps = search.steps;
-        let measured = all.bands.len() * leaf.shares.iter().filter(|shares| !shares.iter().all(|x| x.is_nan())).count();
+        let measured = all.bands.len() * (0..2).filter(|side| leaf.has(*side)).count();
         let mut whitening =
             Whitening::even(coarse.errors(&search.values).deviation(free.iter().filter(|x| **x).count(), FIRST_ERROR));
         let looks = if self.correlated && measured > MIN_FREEDOM + self.unknowns().len() { LOOKS } else { 0 };
-        for _ in 0..looks {
-            whitening = all.errors(&search.values).learn(MAX_LENGTH_NM);
-            search = all.minimum(&free, search.values, &whitening);
-            steps += search.steps;
-        }
-        if looks == 0 {
+        for _ in 0..looks.max(1) {
+            if looks > 0 {
+                whitening = all.errors(&search.values).learn(MAX_LENGTH_NM);
+            }
             search = all.minimum(&free, search.values, &whitening);
             steps += search.steps;
         }
         let mut found = self.told(&search, &free, &untold);
-        let errs = all.errors(&found.values).deviation(0, 0.0) > LEAST_MODEL_ERROR;
+        let mut errors = all.errors(&found.values);
+        let errs = errors.deviation(0, 0.0) > MIN_MODEL_ERROR;
         if errs && (-NEIGHBOUR_NM / whitening.length_nm.max(1e-9)).exp() > MODEL_ERRS {
             for domain in self.forward.domains() {
                 steps += self.refine(&all, domain, &mut found);
             }
+            errors = all.errors(&found.values);
         }
-        found.rmse = all.errors(&found.values).rmse();
+        found.rmse = errors.rmse();
         let nm = |band: Option<&usize>| band.map_or(f64::NAN, |band| self.wavelengths_nm[self.covered[*band]]);
         let span_nm = [nm(all.bands.first()), nm(all.bands.last())];
         found.remarks = remarks(self.unknowns(), &self.ranges, &found, span_nm);
@@ -217,7 +216,7 @@ impl Inverter {
         }
         let mut free = [false; MAX_UNKNOWNS];
         // One share of light alone does not tell what goes with a content from the content itself.
-        let both = all.leaf.shares.iter().all(|shares| shares.iter().any(|share| share.is_finite()));
+        let both = (0..2).all(|side| all.leaf.has(side));
         for i in domain.tells.iter().chain(domain.with.iter().filter(|_| both)).copied() {
             free[i] = matches!(found.states[i], State::Found | State::AtBound);
         }
@@ -269,9 +268,7 @@ impl Inverter {
         // Errors are in units of their own standard deviation; where that was learnt too small, it shows here.
         let freedom = found.normal.count.saturating_sub(moving).max(1) as f64;
         let variance = (found.normal.squares / freedom).max(1.0);
-        let covariance = restricted(&found.normal.products, &moves)
-            .cholesky()
-            .map_or_else(|| SMatrix::from_diagonal_element(f64::INFINITY), |cholesky| cholesky.inverse());
+        let covariance = found.covariance(&moves);
         let mut inversion = Inversion {
             values: found.values,
             standard_errors: [f64::NAN; MAX_UNKNOWNS],

@@ -70,6 +70,14 @@ pub(crate) struct Minimum {
     pub(crate) steps: usize,
 }
 
+impl Minimum {
+    /// Returns the covariance of what `moves`, in units of spans and of the squared errors; infinite where they do not tell it.
+    pub(crate) fn covariance(&self, moves: &[bool; MAX_UNKNOWNS]) -> Square {
+        let cholesky = restricted(&self.normal.products, moves).cholesky();
+        cholesky.map_or_else(|| Square::from_diagonal_element(f64::INFINITY), |cholesky| cholesky.inverse())
+    }
+}
+
 /// Returns the values of least squared error from `start` on. Unknowns that are not `free` stay.
 pub(crate) fn minimum(
     unknowns: &[Unknown],
@@ -137,7 +145,7 @@ fn solved(normal: &Normal, moves: &[bool; MAX_UNKNOWNS], damping: f64) -> Option
 }
 
 /// Returns a matrix without the rows and columns of what does not move: 1 on the diagonal there.
-pub(crate) fn restricted(products: &Square, moves: &[bool; MAX_UNKNOWNS]) -> Square {
+fn restricted(products: &Square, moves: &[bool; MAX_UNKNOWNS]) -> Square {
     Square::from_fn(|i, j| match moves[i] && moves[j] {
         true => products[(i, j)],
         false => f64::from(u8::from(i == j)),

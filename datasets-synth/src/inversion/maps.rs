@@ -9,31 +9,27 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use btf_capture::Capture;
 use btf_models::{LEAF_QUANTITIES, LeafContents, TextureGrid, TextureKind};
-use nalgebra::SVector;
 use rayon::prelude::*;
 
 use crate::error::SynthError;
 use crate::inversion::diffuse_colour::{DiffuseColour, MAX_PAIRS, diffuse_colour, median};
 use crate::inversion::forward::{MAX_UNKNOWNS, Unknown, Values};
-use crate::inversion::least_squares::{Minimum, Normal, minimum, restricted};
-use crate::inversion::plates::{contents_of, plate_unknowns, values_of};
+use crate::inversion::least_squares::{Minimum, Normal, minimum};
+use crate::inversion::plates::{PlateBand, contents_of, plate_unknowns, values_of};
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};
-use crate::optics::plates::shares::PlateOptics;
-use crate::optics::plates::slopes::LitSurface;
-use crate::optics::specific_absorption::{Coefficients, SpecificAbsorption};
 use crate::surface::capture::Progress;
 
-/// Indices of the unknowns that colours tell: chlorophyll, carotenoids, brown pigment.
-const TOLD: [usize; 3] = [0, 1, 3];
+/// Contents that colours tell, chlorophyll, carotenoids and brown pigment, as indices of [`LEAF_QUANTITIES`].
+pub const COLOURS_TELL: [usize; 3] = [0, 1, 3];
 /// Standard deviations of the whole leaf about the plain one: ug/cm2, ug/cm2, arbitrary units.
 const LEAF_SPREAD: [f64; 3] = [40.0, 8.0, 0.2];
 /// Standard deviation of a texel's contents about those of the whole leaf, relative to them, and at least.
 const TEXEL_SPREAD: f64 = 0.7;
-const LEAST_SPREAD: [f64; 3] = [5.0, 2.0, 0.3];
+const MIN_TEXEL_SPREAD: [f64; 3] = [5.0, 2.0, 0.3];
 /// Standard error of the model's colours: what the coupling with the gloss and the margin of the paper's cone leave open.
 const MODEL_ERROR: f64 = 5e-3;
 /// Greatest factor that textures hold.
-const MOST_FACTOR: f64 = 8.0;
+const MAX_FACTOR: f64 = 8.0;
 /// Texels between two looks for whether to stop.
 const TEXELS_AT_ONCE: usize = 1024;
 
@@ -107,7 +103,8 @@ pub fn invert_captures(captures: &[Capture], known: &LeafContents, progress: Pro
     };
     let plain = values_of(known);
     let whole = body.fitted(&mean(&|colour| &colour.rgb), &mean(&|colour| &colour.errors), &plain, &LEAF_SPREAD);
-    let spread: [f64; 3] = std::array::from_fn(|i| (TEXEL_SPREAD * whole.values[TOLD[i]]).max(LEAST_SPREAD[i]));
+    let spread: [f64; 3] =
+        std::array::from_fn(|i| (TEXEL_SPREAD * whole.values[COLOURS_TELL[i]]).max(MIN_TEXEL_SPREAD[i]));
     let done = AtomicUsize::new(captures.len() * MAX_PAIRS);
     let texels: Vec<Texel> = (0..size[0] * size[1])
         .into_par_iter()
@@ -120,7 +117,11 @@ pub fn invert_captures(captures: &[Capture], known: &LeafContents, progress: Pro
             };
             let (rgb, errors) = (of(&|colour| colour.rgb[texel]), of(&|colour| colour.errors[texel]));
             let found = body.fitted(&rgb, &errors, &whole.values, &spread);
-            Ok(Texel { values: found.values, errors: errors_of(&found), squares: body.squares(&rgb, &found.values) })
+            Ok(Texel {
+                values: found.values,
+                errors: body.standard_errors(&found),
+                squares: body.squares(&rgb, &found.values),
+            })
         })
         .collect::<Result<_, SynthError>>()?;
     let shares = colours.iter().flatten().count();
@@ -142,16 +143,17 @@ fn maps(texels: &[Texel], width: usize, shares: usize, plain: &Values, size_mm: 
         f64::from(median(&mut values))
     };
     let mut contents = *plain;
-    for i in TOLD {
+    for i in COLOURS_TELL {
         let greatest = texels.iter().map(|texel| texel.values[i]).fold(0.0, f64::max);
         let [least, most] = LEAF_QUANTITIES[i].range;
-        contents[i] = middle(&|texel| texel.values[i]).max(greatest / MOST_FACTOR).clamp(least, most);
+        contents[i] = middle(&|texel| texel.values[i]).max(greatest / MAX_FACTOR).clamp(least, most);
     }
     // What is nowhere has no factor.
-    let factor = |i: usize, value: f64| if contents[TOLD[i]] > 0.0 { value / contents[TOLD[i]] } else { 1.0 };
+    let factor =
+        |i: usize, value: f64| if contents[COLOURS_TELL[i]] > 0.0 { value / contents[COLOURS_TELL[i]] } else { 1.0 };
     let grid = |of: &dyn Fn(&Texel, usize) -> f64| {
         let values: Vec<f32> =
-            texels.iter().flat_map(|texel| [0, 1, 2].map(|i| of(texel, i).min(MOST_FACTOR) as f32)).collect();
+            texels.iter().flat_map(|texel| [0, 1, 2].map(|i| of(texel, i).min(MAX_FACTOR) as f32)).collect();
         // White is the greatest factor, so that 16 bits are used.
         let most = values.iter().copied().fold(1.0f32, f32::max);
         TextureGrid { kind: TextureKind::Pigment, width, range: [0.0, f64::from(most)], values }
@@ -160,23 +162,13 @@ fn maps(texels: &[Texel], width: usize, shares: usize, plain: &Values, size_mm: 
     LeafMaps {
         contents: contents_of(&contents),
         standard_errors: std::array::from_fn(|i| middle(&|texel| texel.errors[i])),
-        pigment: grid(&|texel, i| factor(i, texel.values[TOLD[i]])),
-        pigment_errors: grid(&|texel, i| if contents[TOLD[i]] > 0.0 { factor(i, texel.errors[i]) } else { 0.0 }),
+        pigment: grid(&|texel, i| factor(i, texel.values[COLOURS_TELL[i]])),
+        pigment_errors: grid(&|texel, i| {
+            if contents[COLOURS_TELL[i]] > 0.0 { factor(i, texel.errors[i]) } else { 0.0 }
+        }),
         size_mm,
         rmse: (squares / (3 * shares * texels.len()).max(1) as f64).sqrt(),
     }
-}
-
-/// Returns the standard errors of what is told, from the curvature of the squares, which are in units of errors.
-fn errors_of(found: &Minimum) -> [f64; 3] {
-    let mut moves = [false; MAX_UNKNOWNS];
-    TOLD.iter().for_each(|i| moves[*i] = true);
-    let unknowns = plate_unknowns();
-    let Some(cholesky) = restricted(&found.normal.products, &moves).cholesky() else { return [f64::INFINITY; 3] };
-    TOLD.map(|i| {
-        let unit = SVector::<f64, MAX_UNKNOWNS>::from_fn(|j, _| f64::from(u8::from(i == j)));
-        cholesky.solve(&unit)[i].sqrt() * unknowns[i].span()
-    })
 }
 
 /// Colours of a side, as far as there is a capture of it: light and eye on one side, on two sides.
@@ -185,25 +177,22 @@ type Colours = [Option<[f64; 3]>; 2];
 /// Body of `plate-n` that is asked for its colour.
 struct BodyColour {
     unknowns: [Unknown; MAX_UNKNOWNS],
-    /// Absorption, layers and weights in linear red, green and blue, of each wavelength.
-    bands: Vec<(Coefficients, LitSurface, [f64; 3])>,
+    /// Pile and weights in linear red, green and blue, of each wavelength.
+    bands: Vec<(PlateBand, [f64; 3])>,
 }
 
 impl BodyColour {
     fn new() -> BodyColour {
         let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
-        let table = SpecificAbsorption::ProspectD;
         let bands = convert.wavelengths_nm().iter().zip(convert.weights());
-        let band = |(nm, weights): (&f64, &[f64; 3])| {
-            (table.coefficients(*nm), LitSurface::entered(table.index(*nm)), *weights)
-        };
+        let band = |(nm, weights): (&f64, &[f64; 3])| (PlateBand::entered(*nm), *weights);
         BodyColour { unknowns: plate_unknowns(), bands: bands.map(band).collect() }
     }
 
     /// Returns the contents that are likeliest for `colours` with their standard `errors`, if contents vary about
     /// `about` by `spread`.
     fn fitted(&self, colours: &Colours, errors: &Colours, about: &Values, spread: &[f64; 3]) -> Minimum {
-        let free = std::array::from_fn(|i| TOLD.contains(&i));
+        let free = std::array::from_fn(|i| COLOURS_TELL.contains(&i));
         let spans = self.unknowns.map(|unknown| unknown.span());
         minimum(&self.unknowns, &free, *about, |values| {
             let mut normal = Normal::new();
@@ -217,7 +206,7 @@ impl BodyColour {
                     normal.add((value - colour[channel]) / error, &by);
                 }
             }
-            for (i, spread) in TOLD.into_iter().zip(spread) {
+            for (i, spread) in COLOURS_TELL.into_iter().zip(spread) {
                 let mut by = [0.0; MAX_UNKNOWNS];
                 by[i] = spans[i] / spread;
                 normal.add((values[i] - about[i]) / spread, &by);
@@ -226,21 +215,23 @@ impl BodyColour {
         })
     }
 
+    /// Returns the standard errors of what colours tell where [`BodyColour::fitted`] has ended.
+    fn standard_errors(&self, found: &Minimum) -> [f64; 3] {
+        let covariance = found.covariance(&std::array::from_fn(|i| COLOURS_TELL.contains(&i)));
+        COLOURS_TELL.map(|i| covariance[(i, i)].sqrt() * self.unknowns[i].span())
+    }
+
     /// Returns the colours `[side][channel]` with their derivatives by the unknowns that are told.
     fn colours(&self, values: &Values) -> [[(f64, Values); 3]; 2] {
         let mut colours = [[(0.0, [0.0; MAX_UNKNOWNS]); 3]; 2];
-        let structure = values[MAX_UNKNOWNS - 1];
-        for (coefficients, surface, weights) in &self.bands {
-            let absorption: f64 = coefficients.iter().zip(values).map(|(k, content)| k * content).sum();
-            let slopes = surface.slopes(absorption / structure, structure);
-            let both = |optics: PlateOptics| [optics.reflectance, optics.transmittance];
-            let (shares, by_k) = (both(slopes.optics), both(slopes.by_absorption));
+        for (band, weights) in &self.bands {
+            let here = band.at(values);
             for side in 0..2 {
                 for channel in 0..3 {
                     let (value, by) = &mut colours[side][channel];
-                    *value += weights[channel] * shares[side];
-                    for i in TOLD {
-                        by[i] += weights[channel] * by_k[side] * coefficients[i] / structure;
+                    *value += weights[channel] * here.shares[side];
+                    for i in COLOURS_TELL {
+                        by[i] += weights[channel] * here.by[side][i];
                     }
                 }
             }
@@ -264,6 +255,7 @@ mod tests {
     use crate::optics::abm::scatter_table::Passage;
     use crate::optics::plates::body::PlateBody;
     use crate::optics::plates::model::PlateModel;
+    use crate::optics::specific_absorption::SpecificAbsorption;
     use crate::surface::capture_params::CaptureParams;
     use btf_capture::{CaptureInfo, DirectionSet, ImageFormat, Side};
     use btf_models::TextureImages;
@@ -283,8 +275,8 @@ mod tests {
         for (side, rgb) in [rgb.reflectance, rgb.transmittance].into_iter().enumerate() {
             for channel in 0..3 {
                 assert!((colours[side][channel].0 - f64::from(rgb[channel])).abs() < 1e-6);
-                for i in TOLD {
-                    let step = 1e-3 * LEAF_SPREAD[TOLD.iter().position(|told| *told == i).unwrap()];
+                for i in COLOURS_TELL {
+                    let step = 1e-3 * LEAF_SPREAD[COLOURS_TELL.iter().position(|told| *told == i).unwrap()];
                     let moved = |by: f64| {
                         let mut values = values_of(&leaf);
                         values[i] += by;

@@ -9,6 +9,7 @@ pub(crate) mod maps;
 pub(crate) mod outcome;
 pub(crate) mod plates;
 pub(crate) mod remarks;
+pub(crate) mod simulated;
 pub(crate) mod spectra;
 pub(crate) mod spectra_file;
 pub(crate) mod tissue;

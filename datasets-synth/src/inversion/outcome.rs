@@ -5,19 +5,24 @@ use crate::inversion::forward::MAX_UNKNOWNS;
 /// What became of an unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
-    /// It was found.
+    /// State of an unknown that all wavelengths told.
     Found,
-    /// It was found by the wavelengths that are its own, because the model errs elsewhere.
+    /// State of an unknown that the wavelengths of its own absorption told, because the model errs elsewhere.
     FoundByDomain,
-    /// It was found at an end of what is tried.
+    /// State of an unknown that ended at a bound of what is tried.
     AtBound,
-    /// It was known.
+    /// State of an unknown whose value was given.
     Held,
-    /// The spectra do not tell it: it stayed where the search starts.
+    /// State of an unknown that the spectra do not tell, which stayed at its usual value.
     Untold,
 }
 
 impl State {
+    /// Returns whether the spectra told the unknown, so that it has a standard error.
+    pub fn is_found(self) -> bool {
+        matches!(self, State::Found | State::FoundByDomain)
+    }
+
     /// Returns the word of tables: `found`, `found-by-domain`, `at-bound`, `held`, `untold`.
     pub fn name(self) -> &'static str {
         match self {

@@ -1,6 +1,6 @@
 //! `plate-n` as an inversion sees it.
 
-use btf_models::{LEAF_QUANTITIES, LeafContents};
+use btf_models::{LEAF_QUANTITIES, LeafContents, LeafDescription};
 
 use crate::inversion::forward::{Domain, Forward, MAX_UNKNOWNS, Sensitivity, Unknown, Values};
 use crate::optics::plates::shares::PlateOptics;
@@ -42,18 +42,60 @@ pub(crate) fn plate_unknowns() -> [Unknown; MAX_UNKNOWNS] {
     })
 }
 
+/// Pile of plates at one wavelength.
+pub(crate) struct PlateBand {
+    coefficients: Coefficients,
+    surface: LitSurface,
+}
+
+impl PlateBand {
+    /// Prepares PROSPECT-D at a wavelength within the table, lit over a cone of half-angle `cone_deg`.
+    pub(crate) fn lit(wavelength_nm: f64, cone_deg: f64) -> PlateBand {
+        PlateBand::with(wavelength_nm, |index| LitSurface::new(index, cone_deg))
+    }
+
+    /// Prepares its body, whose shares are of the light that has entered.
+    pub(crate) fn entered(wavelength_nm: f64) -> PlateBand {
+        PlateBand::with(wavelength_nm, LitSurface::entered)
+    }
+
+    fn with(wavelength_nm: f64, surface: impl Fn(f64) -> LitSurface) -> PlateBand {
+        let table = SpecificAbsorption::ProspectD;
+        PlateBand { coefficients: table.coefficients(wavelength_nm), surface: surface(table.index(wavelength_nm)) }
+    }
+
+    /// Returns the shares of light of a leaf of contents and N.
+    pub(crate) fn at(&self, values: &Values) -> Sensitivity {
+        let structure = values[STRUCTURE];
+        let absorption: f64 = self.coefficients.iter().zip(values).map(|(k, content)| k * content).sum();
+        let k = absorption / structure;
+        let slopes = self.surface.slopes(k, structure);
+        let both = |optics: PlateOptics| [optics.reflectance, optics.transmittance];
+        let (by_k, by_n) = (both(slopes.by_absorption), both(slopes.by_structure));
+        let by = std::array::from_fn(|side| {
+            let mut by: Values = [0.0; MAX_UNKNOWNS];
+            for (by, coefficient) in by.iter_mut().zip(&self.coefficients) {
+                *by = by_k[side] * coefficient / structure;
+            }
+            // N also thins the layers.
+            by[STRUCTURE] = by_n[side] - by_k[side] * k / structure;
+            by
+        });
+        Sensitivity { shares: both(slopes.optics), by }
+    }
+}
+
 /// Pile of plates at fixed wavelengths.
 pub(crate) struct PlateForward {
     unknowns: [Unknown; MAX_UNKNOWNS],
-    bands: Vec<(Coefficients, LitSurface)>,
+    bands: Vec<PlateBand>,
 }
 
 impl PlateForward {
     /// Prepares PROSPECT-D, lit over a cone of half-angle `cone_deg`, at wavelengths within the table.
     pub(crate) fn new(wavelengths_nm: &[f64], cone_deg: f64) -> PlateForward {
-        let table = SpecificAbsorption::ProspectD;
-        let band = |nm: &f64| (table.coefficients(*nm), LitSurface::new(table.index(*nm), cone_deg));
-        PlateForward { unknowns: plate_unknowns(), bands: wavelengths_nm.iter().map(band).collect() }
+        let bands = wavelengths_nm.iter().map(|nm| PlateBand::lit(*nm, cone_deg)).collect();
+        PlateForward { unknowns: plate_unknowns(), bands }
     }
 }
 
@@ -67,50 +109,21 @@ impl Forward for PlateForward {
     }
 
     fn at(&self, band: usize, values: &Values) -> Sensitivity {
-        let (coefficients, surface) = &self.bands[band];
-        let structure = values[STRUCTURE];
-        let absorption: f64 = coefficients.iter().zip(values).map(|(k, content)| k * content).sum();
-        let k = absorption / structure;
-        let slopes = surface.slopes(k, structure);
-        let both = |optics: PlateOptics| [optics.reflectance, optics.transmittance];
-        let (by_k, by_n) = (both(slopes.by_absorption), both(slopes.by_structure));
-        let by = std::array::from_fn(|side| {
-            let mut by: Values = [0.0; MAX_UNKNOWNS];
-            for (by, coefficient) in by.iter_mut().zip(coefficients) {
-                *by = by_k[side] * coefficient / structure;
-            }
-            // N also thins the layers.
-            by[STRUCTURE] = by_n[side] - by_k[side] * k / structure;
-            by
-        });
-        Sensitivity { shares: both(slopes.optics), by }
+        self.bands[band].at(values)
     }
 }
 
 /// Returns the contents of a leaf as values of the unknowns of `plate-n`.
 pub(crate) fn values_of(contents: &LeafContents) -> Values {
-    [
-        contents.chlorophyll_ug_per_cm2,
-        contents.carotenoid_ug_per_cm2,
-        contents.anthocyanin_ug_per_cm2,
-        contents.brown,
-        contents.water_cm,
-        contents.dry_matter_g_per_cm2,
-        contents.structure,
-    ]
+    let leaf = LeafDescription { contents: *contents, ..LeafDescription::default() };
+    std::array::from_fn(|i| LEAF_QUANTITIES[i].of(&leaf))
 }
 
 /// Returns values of the unknowns of `plate-n` as the contents of a leaf.
 pub(crate) fn contents_of(values: &Values) -> LeafContents {
-    LeafContents {
-        chlorophyll_ug_per_cm2: values[0],
-        carotenoid_ug_per_cm2: values[1],
-        anthocyanin_ug_per_cm2: values[2],
-        brown: values[3],
-        water_cm: values[4],
-        dry_matter_g_per_cm2: values[5],
-        structure: values[6],
-    }
+    let mut leaf = LeafDescription::default();
+    LEAF_QUANTITIES.iter().zip(values).for_each(|(quantity, value)| quantity.set(&mut leaf, *value));
+    leaf.contents
 }
 
 #[cfg(test)]

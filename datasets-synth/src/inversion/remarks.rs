@@ -31,10 +31,10 @@ pub(crate) fn remarks(
                 span_nm[0], span_nm[1]
             )),
             State::AtBound => remarks.push(format!("{name} ended at {value}{unit}, an end of what is tried")),
-            State::Found | State::FoundByDomain if error > VAGUE * (most - least) => {
+            state if state.is_found() && error > VAGUE * (most - least) => {
                 remarks.push(format!("{name} is hardly told: {value} +- {}{unit}", significant(error, 2)));
             }
-            State::Found | State::FoundByDomain if !(least..=most).contains(&found.values[i]) => {
+            state if state.is_found() && !(least..=most).contains(&found.values[i]) => {
                 remarks.push(format!("{name} is {value}{unit}, outside of {least} to {most}, which leaves have"));
             }
             _ => {}

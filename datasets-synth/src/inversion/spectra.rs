@@ -1,7 +1,6 @@
 //! Measured spectra of a leaf.
 
-/// Wavelengths in nanometres at which contents can be told: those of the tables of absorption.
-pub const INVERTED_NM: [f64; 2] = [400.0, 2500.0];
+use crate::optics::specific_absorption::LEAF_TABLE_NM;
 
 /// Reflectance and transmittance of one leaf.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,7 +23,7 @@ impl LeafSpectra {
     ///
     /// # Errors
     /// What is wrong, as a clause: another number of shares than of wavelengths, wavelengths that do not ascend, shares
-    /// that are none of light, nothing measured within [`INVERTED_NM`].
+    /// that are none of light, nothing measured within [`LEAF_TABLE_NM`].
     pub fn new(
         name: &str,
         wavelengths_nm: &[f64],
@@ -55,15 +54,20 @@ impl LeafSpectra {
         match spectra.measured() {
             0 => Err(format!(
                 "{name} has no value between {} and {} nm, where contents absorb",
-                INVERTED_NM[0], INVERTED_NM[1]
+                LEAF_TABLE_NM[0], LEAF_TABLE_NM[1]
             )),
             _ => Ok(spectra),
         }
     }
 
-    /// Returns how many shares were measured within [`INVERTED_NM`].
+    /// Returns whether anything was measured of reflectance (0) or transmittance (1).
+    pub(crate) fn has(&self, side: usize) -> bool {
+        self.shares[side].iter().any(|share| share.is_finite())
+    }
+
+    /// Returns how many shares were measured within [`LEAF_TABLE_NM`].
     pub(crate) fn measured(&self) -> usize {
-        let within = |nm: &f64| (INVERTED_NM[0]..=INVERTED_NM[1]).contains(nm);
+        let within = |nm: &f64| (LEAF_TABLE_NM[0]..=LEAF_TABLE_NM[1]).contains(nm);
         let count = |shares: &Vec<f64>| {
             self.wavelengths_nm.iter().zip(shares).filter(|(nm, share)| within(nm) && share.is_finite()).count()
         };

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use btf_capture::delimited::{fields, lines, separator_of};
-use btf_capture::files;
+use btf_capture::toml_text::bounded_text;
 
 use crate::error::SynthError;
 use crate::inversion::spectra::{LeafSpectra, SHARE_NAMES};
@@ -24,7 +24,7 @@ const MIN_WAVELENGTH_COLUMNS: usize = 3;
 /// Wavelengths in nanometres that the heading of a column may mean.
 const HEADING_NM: [f64; 2] = [200.0, 3000.0];
 /// Value below which a cell says that nothing was measured, before it is scaled.
-const LEAST_MEASURED: f64 = -1.0;
+const MIN_MEASURED: f64 = -1.0;
 /// Words that name the shares of light.
 const WORDS: [&[&str]; 2] =
     [&["reflectance", "refl", "r", "rho", "reflectivity"], &["transmittance", "trans", "tran", "t", "tau"]];
@@ -52,18 +52,9 @@ pub struct ReadSpectra {
 pub fn read_spectra(path: impl AsRef<Path>, scale: f64) -> Result<ReadSpectra, SynthError> {
     let path = path.as_ref();
     let bad = |reason: String| SynthError::BadSpectra { path: path.display().to_string(), reason };
-    let text = read_text(path).map_err(bad)?;
+    let text = bounded_text(path, MAX_BYTES, "a table of spectra").map_err(|fault| bad(format!("it {fault}")))?;
     let stem = path.file_stem().map_or_else(|| "leaf".to_owned(), |stem| stem.to_string_lossy().into_owned());
     read_table(text.trim_start_matches('\u{FEFF}'), &stem, scale).map_err(bad)
-}
-
-fn read_text(path: &Path) -> Result<String, String> {
-    let is_large = path.metadata().is_ok_and(|metadata| metadata.len() > MAX_BYTES);
-    if is_large {
-        return Err(format!("it is larger than {} MB; split it", MAX_BYTES >> 20));
-    }
-    let bytes = files::read(path).map_err(|error| format!("it cannot be read ({error})"))?;
-    String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text; save it as CSV in UTF-8".to_owned())
 }
 
 /// Table that is split into cells.
@@ -114,7 +105,7 @@ impl Table {
 
     /// Returns the share of light in a cell; NaN where nothing was measured.
     fn share(&self, text: &str) -> f64 {
-        let value = self.number(text).filter(|value| *value > LEAST_MEASURED);
+        let value = self.number(text).filter(|value| *value > MIN_MEASURED);
         value.map_or(f64::NAN, |value| self.scale * value)
     }
 }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::error::SynthError;
 use crate::instruments::spectrophotometer::Spectrophotometer;
 use crate::inversion::forward::{Forward, MAX_UNKNOWNS, Sensitivity, Unknown, Values};
+use crate::inversion::plates::plate_unknowns;
 use crate::leaf::model::LeafModel;
 use crate::optics::abm::abm_b::AbmB;
 use crate::optics::abm::abm_u::AbmU;
@@ -22,27 +23,10 @@ const MAX_DEPTH: f64 = 40.0;
 /// Depth at which the nodes turn from evenly spaced to evenly spaced in the logarithm.
 const TURN_DEPTH: f64 = 0.05;
 
-/// Unknowns of an algorithmic model. What else a leaf holds is known in its shares only.
-pub(crate) const TISSUE_UNKNOWNS: [Unknown; 3] = [
-    Unknown {
-        key: "chlorophyll_ug_per_cm2",
-        option: "cab",
-        name: "chlorophyll",
-        unit: "ug/cm2",
-        bounds: [0.0, 200.0],
-        start: 35.0,
-        spread: 40.0,
-    },
-    Unknown {
-        key: "carotenoid_ug_per_cm2",
-        option: "car",
-        name: "carotenoids",
-        unit: "ug/cm2",
-        bounds: [0.0, 60.0],
-        start: 8.0,
-        spread: 8.0,
-    },
-    Unknown {
+/// Returns the unknowns of an algorithmic model: two of a plate's, and what else a leaf holds, which is known in its shares only.
+pub(crate) fn tissue_unknowns() -> [Unknown; 3] {
+    let [chlorophyll, carotenoids, ..] = plate_unknowns();
+    let rest = Unknown {
         key: "rest",
         option: "rest",
         name: "everything else that absorbs, over that of the model's leaf",
@@ -50,11 +34,13 @@ pub(crate) const TISSUE_UNKNOWNS: [Unknown; 3] = [
         bounds: [0.0, 10.0],
         start: 1.0,
         spread: 1.0,
-    },
-];
+    };
+    [chlorophyll, carotenoids, rest]
+}
 
 /// Algorithmic model at fixed wavelengths.
 pub(crate) struct TissueForward {
+    unknowns: [Unknown; 3],
     bands: Vec<Band>,
     traces: Vec<[Shares; 2]>,
 }
@@ -109,7 +95,7 @@ impl TissueForward {
             let step = ((from + TRACE_STEP_NM).min(last) - from).max(1e-9);
             Band { depths, trace, towards: ((nm - from) / step).clamp(0.0, 1.0) }
         };
-        Ok(TissueForward { bands: wavelengths_nm.iter().map(band).collect(), traces })
+        Ok(TissueForward { unknowns: tissue_unknowns(), bands: wavelengths_nm.iter().map(band).collect(), traces })
     }
 }
 
@@ -130,7 +116,7 @@ fn with_unit_pigments(model: &LeafModel) -> LeafModel {
 
 impl Forward for TissueForward {
     fn unknowns(&self) -> &[Unknown] {
-        &TISSUE_UNKNOWNS
+        &self.unknowns
     }
 
     fn at(&self, band: usize, values: &Values) -> Sensitivity {

@@ -117,7 +117,7 @@ impl Errors {
                 pairs += 1.0;
             }
         }
-        let [r, t] = [0, 1].map(|side| (squares[side] / counts[side].max(1.0)).max(LEAST_ERROR * LEAST_ERROR));
+        let [r, t] = [0, 1].map(|side| (squares[side] / counts[side].max(1.0)).max(MIN_ERROR * MIN_ERROR));
         let both = if pairs > 0.0 {
             (product / pairs).clamp(-MAX_SHARED * (r * t).sqrt(), MAX_SHARED * (r * t).sqrt())
         } else {
@@ -136,7 +136,7 @@ impl Errors {
         let (squares, count) = errors.fold((0.0, 0usize), |(squares, count), x| (squares + x * x, count + 1));
         let freedom = count.saturating_sub(unknowns);
         let deviation = f64::sqrt(squares / freedom.max(1) as f64);
-        deviation.max(if freedom < MIN_FREEDOM { expected } else { LEAST_ERROR })
+        deviation.max(if freedom < MIN_FREEDOM { expected } else { MIN_ERROR })
     }
 
     /// Returns the root mean square errors of reflectance and transmittance, as far as measured.
@@ -175,7 +175,7 @@ impl Errors {
 }
 
 /// Standard deviation of errors at least: a millionth of the light, finer than any instrument.
-const LEAST_ERROR: f64 = 1e-6;
+const MIN_ERROR: f64 = 1e-6;
 /// Errors beyond the number of unknowns that tell their own standard deviation.
 const MIN_FREEDOM: usize = 10;
 /// Correlation of neighbours below which it is chance, over the root of their number: two standard errors.
@@ -186,17 +186,15 @@ const MAX_SHARED: f64 = 0.95;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::{Rng, SeedableRng};
+    use crate::inversion::simulated::normal;
+    use rand::SeedableRng;
     use rand_xoshiro::Xoshiro256PlusPlus;
 
     /// Draws errors of standard deviation 0.01 every 5 nm that fall to 1/e over `length_nm`; those of transmittance follow
     /// reflectance's by the correlation -0.6.
     fn errors(length_nm: f64, seed: u64) -> Errors {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-        let mut normal = || {
-            let (radius, turn) = ((-2.0 * (1.0 - random.r#gen::<f64>()).ln()).sqrt(), random.r#gen::<f64>());
-            radius * (std::f64::consts::TAU * turn).cos()
-        };
+        let mut normal = || normal(&mut random);
         let kept = if length_nm > 0.0 { f64::exp(-5.0 / length_nm) } else { 0.0 };
         let mut now = [0.0; 2];
         let mut rows = Vec::new();

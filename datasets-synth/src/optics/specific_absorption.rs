@@ -18,6 +18,9 @@ pub enum SpecificAbsorption {
     ProspectD,
 }
 
+/// First and last wavelength of the tables in nanometres.
+pub const LEAF_TABLE_NM: [f64; 2] = [LEAF_FIRST_NM, LEAF_LAST_NM];
+
 /// Specific absorptions at one wavelength, in the order of the fields of [`LeafContents`].
 pub(crate) type Coefficients = [f64; 6];
 

@@ -1,12 +1,11 @@
 use super::*;
 use crate::instruments::spectrophotometer::{Method, Rays, Spectrophotometer};
 use crate::inversion::plates::{contents_of, values_of};
+use crate::inversion::simulated::{any_contents, simulated_spectra};
 use crate::optics::abm::abm_b::AbmB;
 use crate::optics::abm::abm97::Abm97;
-use crate::optics::plates::model::plate_spectrum;
-use crate::optics::specific_absorption::SpecificAbsorption;
 use btf_models::LeafContents;
-use rand::{Rng, SeedableRng};
+use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::ops::ControlFlow;
 
@@ -14,30 +13,9 @@ fn evenly(first: f64, last: f64, step: f64) -> Vec<f64> {
     (0..=((last - first) / step).round() as usize).map(|i| first + step * i as f64).collect()
 }
 
-/// Draws a leaf like those of the measured sets.
-fn any_leaf(random: &mut Xoshiro256PlusPlus) -> LeafContents {
-    let mut between = |low: f64, high: f64| low + (high - low) * random.r#gen::<f64>();
-    LeafContents {
-        chlorophyll_ug_per_cm2: between(2.0, 90.0),
-        carotenoid_ug_per_cm2: between(1.0, 20.0),
-        anthocyanin_ug_per_cm2: between(0.0, 5.0),
-        brown: between(0.0, 0.3),
-        water_cm: between(0.004, 0.03),
-        dry_matter_g_per_cm2: between(0.002, 0.015),
-        structure: between(1.1, 2.5),
-    }
-}
-
 /// Returns the spectra of `contents` with normal noise of standard deviation `noise`.
 fn spectra(contents: &LeafContents, nm: &[f64], noise: f64, random: &mut Xoshiro256PlusPlus) -> LeafSpectra {
-    let optics = plate_spectrum(PlateModel::N, SpecificAbsorption::ProspectD, contents, PROSPECT_CONE_DEG, nm).unwrap();
-    let mut noisy = |share: f64| {
-        let (radius, turn) = ((-2.0 * (1.0 - random.r#gen::<f64>()).ln()).sqrt(), random.r#gen::<f64>());
-        share + noise * radius * (std::f64::consts::TAU * turn).cos()
-    };
-    let reflectance: Vec<f64> = optics.iter().map(|optics| noisy(optics.reflectance)).collect();
-    let transmittance: Vec<f64> = optics.iter().map(|optics| noisy(optics.transmittance)).collect();
-    LeafSpectra::new("leaf", nm, &reflectance, &transmittance).unwrap()
+    simulated_spectra(contents, nm, noise, random).unwrap()
 }
 
 #[test]
@@ -46,7 +24,7 @@ fn spectra_without_noise_give_the_contents_back() {
     let nm = evenly(400.0, 2500.0, 10.0);
     let inverter = Inverter::new(&InversionParams::default(), &nm).unwrap();
     for _ in 0..60 {
-        let leaf = any_leaf(&mut random);
+        let leaf = any_contents(&mut random);
         let found = inverter.invert(&spectra(&leaf, &nm, 0.0, &mut random));
         for (i, unknown) in inverter.unknowns().iter().enumerate() {
             let apart = (found.values[i] - values_of(&leaf)[i]).abs() / unknown.span();
@@ -66,7 +44,7 @@ fn with_noise_of_a_hundredth_chlorophyll_is_told_within_2_and_standard_errors_ar
         let inverter = Inverter::new(&InversionParams::default(), &nm).unwrap();
         let (mut squares, mut within, mut told, count) = (0.0, 0.0, 0.0, 120);
         for _ in 0..count {
-            let leaf = any_leaf(&mut random);
+            let leaf = any_contents(&mut random);
             let found = inverter.invert(&spectra(&leaf, &nm, 0.01, &mut random));
             squares += (found.values[0] - leaf.chlorophyll_ug_per_cm2).powi(2);
             // Noise is noise: no content is told by its own wavelengths alone.
@@ -108,7 +86,7 @@ fn a_sensor_of_a_few_bands_is_not_believed_more_than_it_tells() {
     let inverter = Inverter::new(&InversionParams::default(), &nm).unwrap();
     let (mut within, mut told) = (0.0, 0.0);
     for _ in 0..60 {
-        let leaf = any_leaf(&mut random);
+        let leaf = any_contents(&mut random);
         let found = inverter.invert(&spectra(&leaf, &nm, 0.005, &mut random));
         for i in (0..MAX_UNKNOWNS).filter(|i| found.states[*i] == State::Found) {
             told += 1.0;
