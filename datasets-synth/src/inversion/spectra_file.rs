@@ -52,7 +52,8 @@ pub struct ReadSpectra {
 pub fn read_spectra(path: impl AsRef<Path>, scale: f64) -> Result<ReadSpectra, SynthError> {
     let path = path.as_ref();
     let bad = |reason: String| SynthError::BadSpectra { path: path.display().to_string(), reason };
-    let text = bounded_text(path, MAX_BYTES, "a table of spectra").map_err(|fault| bad(format!("it {fault}")))?;
+    let text = bounded_text(path, MAX_BYTES, "a table of spectra")
+        .map_err(|fault| bad(format!("it {fault}; give a CSV table in UTF-8")))?;
     let stem = path.file_stem().map_or_else(|| "leaf".to_owned(), |stem| stem.to_string_lossy().into_owned());
     read_table(text.trim_start_matches('\u{FEFF}'), &stem, scale).map_err(bad)
 }
