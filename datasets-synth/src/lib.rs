@@ -73,7 +73,7 @@ pub use inversion::invert::{InversionParams, Inverter};
 pub use inversion::maps::{COLOURS_TELL, LeafMaps, invert_captures};
 pub use inversion::outcome::{Inversion, State};
 pub use inversion::simulated::{any_contents, simulated_spectra};
-pub use inversion::spectra::LeafSpectra;
+pub use inversion::spectra::{LeafSpectra, SHARES};
 pub use inversion::spectra_file::{ReadSpectra, read_spectra};
 pub use leaf::capture::write_leaf_capture;
 pub use leaf::chlorosis::Chlorosis;

@@ -25,14 +25,14 @@ fn a_spectrum_of_the_program_gives_its_contents_back() {
     let leaf = ["--cab", "27", "--car", "11", "--cw", "0.02", "--n", "1.8", "--to-nm", "2500"];
     succeed(&[&["spectrum", "--quiet", "--csv", text(&table)], &leaf[..]].concat());
     let said = succeed(&["invert", text(&table), "--csv", text(&contents), "--plots", text(&plots)]);
-    assert!(said.contains("adaxial, misses its spectra by 0.0000 R, 0.0000 T"), "{said}");
+    assert!(said.contains("maple, misses its spectra by 0.0000 R, 0.0000 T"), "{said}");
     assert!(said.contains("27 ug/cm2") && said.contains("chlorophyll"), "{said}");
     let written = fs::read_to_string(&contents).unwrap();
     let [heading, row] = written.lines().collect::<Vec<_>>()[..] else { panic!("{written}") };
     assert!(heading.starts_with("name,chlorophyll_ug_per_cm2,chlorophyll_ug_per_cm2_standard_error"));
     let chlorophyll: f64 = row.split(',').nth(1).unwrap().parse().unwrap();
     assert!((chlorophyll - 27.0).abs() < 1e-3, "{row}");
-    let plot = fs::read_to_string(plots.join("adaxial.svg")).unwrap();
+    let plot = fs::read_to_string(plots.join("maple.svg")).unwrap();
     assert!(plot.contains("R, measured") && plot.contains("T, plate-n"));
     // As JSON, with a content that is known.
     let json = succeed(&["invert", text(&table), "--hold", "cbrown=0,cant=0", "--json", "-"]);
@@ -46,6 +46,27 @@ fn a_spectrum_of_the_program_gives_its_contents_back() {
         serde_json::from_str::<serde_json::Value>(&json).unwrap()["leaves"].clone()
     };
     assert_eq!(on("1"), on("2"));
+}
+
+#[test]
+fn both_faces_of_a_leaf_tell_its_halves() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("birch.csv");
+    let leaf = ["--cab", "27", "--palisade-layers", "0.7", "--palisade-pigments", "0.9", "--to-nm", "2500"];
+    let spectrum = ["spectrum", "--model", "plate-two-sided", "--both-sides", "--quiet", "--csv", text(&table)];
+    succeed(&[&spectrum[..], &leaf[..]].concat());
+    let found = |model: &str| {
+        let json = succeed(&["invert", text(&table), "--model", model, "--hold", "cant=0,cbrown=0", "--json", "-"]);
+        serde_json::from_str::<serde_json::Value>(&json).unwrap()["leaves"][0].clone()
+    };
+    let halves = found("plate-two-sided");
+    for (key, value) in [("chlorophyll_ug_per_cm2", 27.0), ("palisade_layers", 0.7), ("palisade_pigments", 0.9)] {
+        let told = halves["contents"][key]["value"].as_f64().unwrap();
+        assert!((told / value - 1.0).abs() < 0.02, "{key} {told}");
+    }
+    // Planted difference: one pile has one face.
+    let pile = found("plate-n");
+    assert!(pile["rmse_abaxial_reflectance"].as_f64().unwrap() > 0.005, "{pile}");
 }
 
 #[test]

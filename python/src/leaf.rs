@@ -2,7 +2,8 @@
 
 use crate::faults::value_error;
 use btf_synth::{
-    Abm97, AbmB, AbmU, Face, Inversion, InversionParams, Inverter, LeafModel, LeafSpectra, MAX_UNKNOWNS, PlateModel,
+    Abm97, AbmB, AbmU, Inversion, InversionParams, Inverter, LeafModel, LeafSpectra, MAX_UNKNOWNS, PlateModel, SHARES,
+    TwoHalves,
 };
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyRuntimeError;
@@ -22,6 +23,8 @@ pub fn invert_leaves<'py>(
     wavelengths_nm: PyReadonlyArray1<'py, f64>,
     reflectance: Option<PyReadonlyArray2<'py, f64>>,
     transmittance: Option<PyReadonlyArray2<'py, f64>>,
+    abaxial_reflectance: Option<PyReadonlyArray2<'py, f64>>,
+    abaxial_transmittance: Option<PyReadonlyArray2<'py, f64>>,
     model: &str,
     side: &str,
     held: BTreeMap<String, f64>,
@@ -35,12 +38,19 @@ pub fn invert_leaves<'py>(
     if !(0.0..=90.0).contains(&cone_deg) || rays == 0 {
         return Err(value_error(format!("cone_deg is {cone_deg} and rays {rays}: take 0 to 90, and 1 or more")));
     }
-    let leaves = leaves_of(&nm, reflectance.as_ref(), transmittance.as_ref())?;
+    let mut shares = [reflectance, transmittance, abaxial_reflectance, abaxial_transmittance];
+    match side {
+        "adaxial" => {}
+        "abaxial" if shares[2].is_none() && shares[3].is_none() => shares.rotate_left(2),
+        "abaxial" => return Err(value_error("side is 'abaxial' beside abaxial shares of light: leave it out")),
+        other => return Err(value_error(format!("side is '{other}': take 'adaxial' or 'abaxial'"))),
+    }
+    let leaves = leaves_of(&nm, shares.each_ref().map(Option::as_ref))?;
+    let faces = [0, 1].map(|face| leaves.iter().any(|leaf| leaf.faces()[face]));
     let params = params(
         model,
-        side,
         &held,
-        InversionParams { correlated: !independent, cone_deg, rays, seed, ..Default::default() },
+        InversionParams { faces, correlated: !independent, cone_deg, rays, seed, ..Default::default() },
     )?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -68,8 +78,9 @@ pub fn invert_leaves<'py>(
     let correlations = found.iter().flat_map(|found| found.correlations[..count].iter().flat_map(|row| &row[..count]));
     let correlations = PyArray1::from_iter(py, correlations.copied());
     result.set_item("correlations", correlations.reshape([found.len(), count, count])?)?;
-    for (side, name) in ["rmse_reflectance", "rmse_transmittance"].into_iter().enumerate() {
-        result.set_item(name, numbers(&|found| found.rmse[side].unwrap_or(f64::NAN)))?;
+    let shares = ["reflectance", "transmittance", "abaxial_reflectance", "abaxial_transmittance"];
+    for (share, name) in shares.into_iter().enumerate() {
+        result.set_item(format!("rmse_{name}"), numbers(&|found| found.rmse[share].unwrap_or(f64::NAN)))?;
     }
     result.set_item("unknowns", inverter.unknowns().iter().map(|unknown| unknown.key).collect::<Vec<_>>())?;
     result.set_item("remarks", found.iter().map(|found| found.remarks.clone()).collect::<Vec<_>>())?;
@@ -77,16 +88,9 @@ pub fn invert_leaves<'py>(
 }
 
 /// Makes spectra of arrays (leaves, wavelengths).
-fn leaves_of(
-    nm: &[f64],
-    reflectance: Option<&PyReadonlyArray2<'_, f64>>,
-    transmittance: Option<&PyReadonlyArray2<'_, f64>>,
-) -> PyResult<Vec<LeafSpectra>> {
-    let shapes: Vec<[usize; 2]> = [reflectance, transmittance]
-        .into_iter()
-        .flatten()
-        .map(|shares| [shares.as_array().nrows(), shares.as_array().ncols()])
-        .collect();
+fn leaves_of(nm: &[f64], shares: [Option<&PyReadonlyArray2<'_, f64>>; SHARES]) -> PyResult<Vec<LeafSpectra>> {
+    let shapes: Vec<[usize; 2]> =
+        shares.into_iter().flatten().map(|shares| [shares.as_array().nrows(), shares.as_array().ncols()]).collect();
     let [first, rest @ ..] = &shapes[..] else {
         return Err(value_error("give reflectance, transmittance or both"));
     };
@@ -99,24 +103,27 @@ fn leaves_of(
     let row = |shares: Option<&PyReadonlyArray2<'_, f64>>, i: usize| {
         shares.map_or_else(Vec::new, |shares| shares.as_array().row(i).to_vec())
     };
-    let leaf = |i| LeafSpectra::new(&format!("leaf {i}"), nm, &row(reflectance, i), &row(transmittance, i));
+    let leaf = |i| {
+        let rows = shares.map(|shares| row(shares, i));
+        LeafSpectra::of_faces(&format!("leaf {i}"), nm, rows.each_ref().map(Vec::as_slice))
+    };
     (0..first[0]).map(|i| leaf(i).map_err(value_error)).collect()
 }
 
-fn params(model: &str, side: &str, held: &BTreeMap<String, f64>, usual: InversionParams) -> PyResult<InversionParams> {
+fn params(model: &str, held: &BTreeMap<String, f64>, usual: InversionParams) -> PyResult<InversionParams> {
     let model = match model {
         "plate-n" => LeafModel::Plate(PlateModel::N),
+        "plate-two-sided" => LeafModel::TwoSided(TwoHalves::default()),
         "abm97" => LeafModel::Abm97(Abm97::default()),
         "abm-b" => LeafModel::AbmB(AbmB::default()),
         "abm-u" => LeafModel::AbmU(AbmU::default()),
-        other => return Err(value_error(format!("model is '{other}': take 'plate-n', 'abm97', 'abm-b' or 'abm-u'"))),
+        other => {
+            return Err(value_error(format!(
+                "model is '{other}': take 'plate-n', 'plate-two-sided', 'abm97', 'abm-b' or 'abm-u'"
+            )));
+        }
     };
-    let face = match side {
-        "adaxial" => Face::Adaxial,
-        "abaxial" => Face::Abaxial,
-        other => return Err(value_error(format!("side is '{other}': take 'adaxial' or 'abaxial'"))),
-    };
-    let mut params = InversionParams { model, face, held: [None; MAX_UNKNOWNS], ..usual };
+    let mut params = InversionParams { model, held: [None; MAX_UNKNOWNS], ..usual };
     let unknowns = params.unknowns();
     for (key, value) in held {
         let at = unknowns.iter().position(|unknown| unknown.key == key).ok_or_else(|| {

@@ -77,6 +77,24 @@ class Inversion(Refusing):
         self.assertEqual(found["unknowns"], ["chlorophyll_ug_per_cm2", "carotenoid_ug_per_cm2", "rest"])
         self.assertTrue(20.0 < found["chlorophyll_ug_per_cm2"][0] < 90.0)
 
+    def test_both_faces_tell_the_halves(self):
+        # Planted difference: a back that is paler in the visible, as leaves have it.
+        paler = np.where(WAVELENGTHS_NM < 720, REFLECTANCE + 0.05, REFLECTANCE)
+        one, two = [
+            btf.leaf.invert(
+                WAVELENGTHS_NM, REFLECTANCE, TRANSMITTANCE, abaxial_reflectance=paler, abaxial_transmittance=TRANSMITTANCE,
+                model=model,
+            )
+            for model in ("plate-n", "plate-two-sided")
+        ]
+        self.assertEqual(two["unknowns"][7:], ["palisade_layers", "palisade_pigments", "palisade_body"])
+        self.assertEqual(two["correlations"].shape, (1, 10, 10))
+        self.assertLess(2.0 * two["rmse_abaxial_reflectance"][0], one["rmse_abaxial_reflectance"][0])
+        self.assertGreater(two["palisade_pigments"][0], two["palisade_layers"][0])
+        back = btf.leaf.invert(WAVELENGTHS_NM, paler, model="plate-two-sided", side="abaxial")
+        self.assertTrue(any("both faces" in remark for remark in back["remarks"][0]))
+        self.assertTrue(np.isnan(back["rmse_reflectance"][0]) and back["rmse_abaxial_reflectance"][0] < 0.03)
+
     def test_what_does_not_fit_is_refused_in_a_sentence(self):
         invert = btf.leaf.invert
         self.refused(ValueError, "reflectance, transmittance or both", invert, WAVELENGTHS_NM)
@@ -87,6 +105,9 @@ class Inversion(Refusing):
         self.refused(ValueError, "brown", invert, WAVELENGTHS_NM, REFLECTANCE, held={"brown": -1})
         self.refused(ValueError, "'plate-paper'", invert, WAVELENGTHS_NM, REFLECTANCE, model="plate-paper")
         self.refused(ValueError, "'front'", invert, WAVELENGTHS_NM, REFLECTANCE, side="front")
+        self.refused(
+            ValueError, "leave it out", invert, WAVELENGTHS_NM, REFLECTANCE, abaxial_reflectance=REFLECTANCE, side="abaxial"
+        )
         self.refused(ValueError, "rays 0", invert, WAVELENGTHS_NM, REFLECTANCE, rays=0)
         self.refused(ValueError, "NaN where", invert, WAVELENGTHS_NM, REFLECTANCE - 9.999)
 

@@ -1,4 +1,4 @@
-//! How leaf models tell the back of a leaf from its face: a row of docs/results/leaf-optics.md for each, as Markdown.
+//! How leaf models tell the back of a leaf from its face, and fit both: rows of docs/results/leaf-optics.md, as Markdown.
 //! `cargo run --release -p btf-tests -- leaf_faces FOLDER`
 //!
 //! The folder holds leaves measured from both faces as data paper ERDP-2013-02 of JaLTER [Noda 2013] has them: files
@@ -9,12 +9,7 @@ use std::fs;
 use std::path::Path;
 
 use btf_capture::delimited::{fields, lines};
-use btf_models::{LEAF_QUANTITIES, LeafDescription};
-use btf_synth::{
-    Abm97, AbmB, Face, InversionParams, Inverter, LeafContents, LeafModel, LeafSpectra, MAX_UNKNOWNS,
-    PROSPECT_CONE_DEG, SpecificAbsorption, TwoHalves, two_sided_spectrum,
-};
-use nalgebra::{DMatrix, DVector};
+use btf_synth::{Abm97, AbmB, InversionParams, Inverter, LeafModel, LeafSpectra, SHARES, TwoHalves};
 
 /// Wavelengths in nanometres: the instrument is noisy below and has gaps beyond.
 const FIRST_NM: usize = 450;
@@ -26,7 +21,7 @@ const MAX_LIGHT: f64 = 1.0;
 /// A leaf seen from both faces.
 struct Leaf {
     /// Reflectance and transmittance of the face, then of the back, over [`wavelengths_nm`].
-    shares: [Vec<f64>; 4],
+    shares: [Vec<f64>; SHARES],
 }
 
 fn wavelengths_nm() -> Vec<f64> {
@@ -47,14 +42,24 @@ pub fn run(folders: &[String]) -> Result<(), Box<dyn Error>> {
     }
     println!("\nEach model fitted to R and T of the face alone; root mean square errors, median of the leaves.\n");
     println!("| model | R face | T face | R back, told | T back, told |\n|---|---|---|---|---|");
-    row("plate-n", &errors(&leaves, |leaf| of_inverter(leaf, &LeafModel::default(), &nm))?);
-    row("plate-two-sided", &errors(&leaves, |leaf| of_halves(leaf, &TwoHalves::default(), &nm))?);
-    row("abm97", &errors(&leaves, |leaf| of_inverter(leaf, &LeafModel::Abm97(Abm97::default()), &nm))?);
-    row("abm-b", &errors(&leaves, |leaf| of_inverter(leaf, &LeafModel::AbmB(AbmB::default()), &nm))?);
+    let models = [
+        LeafModel::default(),
+        LeafModel::TwoSided(TwoHalves::default()),
+        LeafModel::Abm97(Abm97::default()),
+        LeafModel::AbmB(AbmB::default()),
+    ];
+    for model in &models {
+        row(model.name(), &told(&leaves, *model, 2, &nm)?);
+    }
+    println!("\nThe same fitted to both faces at once.\n");
+    println!("| model | R face | T face | R back | T back |\n|---|---|---|---|---|");
+    for model in &models {
+        row(model.name(), &told(&leaves, *model, SHARES, &nm)?);
+    }
     Ok(())
 }
 
-fn row(model: &str, errors: &[[f64; 4]]) {
+fn row(model: &str, errors: &[[f64; SHARES]]) {
     let median = |i: usize| {
         let mut values: Vec<f64> = errors.iter().map(|errors| errors[i]).collect();
         values.sort_by(f64::total_cmp);
@@ -66,8 +71,8 @@ fn row(model: &str, errors: &[[f64; 4]]) {
 /// Returns the errors of each leaf's four spectra under a model that is fitted to its first two.
 fn errors(
     leaves: &[Leaf],
-    fitted: impl Fn(&Leaf) -> Result<[Vec<f64>; 4], Box<dyn Error>>,
-) -> Result<Vec<[f64; 4]>, Box<dyn Error>> {
+    fitted: impl Fn(&Leaf) -> Result<[Vec<f64>; SHARES], Box<dyn Error>>,
+) -> Result<Vec<[f64; SHARES]>, Box<dyn Error>> {
     let of = |leaf: &Leaf| {
         let fitted = fitted(leaf)?;
         Ok(std::array::from_fn(|i| {
@@ -78,73 +83,17 @@ fn errors(
     leaves.iter().map(of).collect()
 }
 
-/// Inverts the face by a model of the program, and asks the model for both faces.
-fn of_inverter(leaf: &Leaf, model: &LeafModel, nm: &[f64]) -> Result<[Vec<f64>; 4], Box<dyn Error>> {
-    thread_local! {
-        /// The two faces of the last model, which take a while to trace.
-        static READY: std::cell::RefCell<Option<(LeafModel, [Inverter; 2])>> = const { std::cell::RefCell::new(None) };
-    }
-    READY.with_borrow_mut(|ready| {
-        if ready.as_ref().is_none_or(|(known, _)| known != model) {
-            let of = |face| {
-                let params = InversionParams { model: *model, face, correlated: false, ..InversionParams::default() };
-                Inverter::new(&params, nm)
-            };
-            *ready = Some((*model, [of(Face::Adaxial)?, of(Face::Abaxial)?]));
-        }
-        let Some((_, [face, back])) = ready else { return Err("no model".into()) };
-        let found = face.invert(&LeafSpectra::new("leaf", nm, &leaf.shares[0], &leaf.shares[1])?);
-        let ([r, t], [back_r, back_t]) = (face.spectra_of(&found.values), back.spectra_of(&found.values));
-        Ok([r, t, back_r, back_t])
-    })
-}
-
-/// Fits unequal halves to the face by damped Gauss-Newton steps with differences for derivatives.
-fn of_halves(leaf: &Leaf, halves: &TwoHalves, nm: &[f64]) -> Result<[Vec<f64>; 4], Box<dyn Error>> {
-    /// Greatest values that are tried; the least are those of leaf files.
-    const MOST: [f64; MAX_UNKNOWNS] = [200.0, 60.0, 60.0, 5.0, 0.1, 0.06, 5.0];
-    let contents_of = |values: &DVector<f64>| {
-        let mut leaf = LeafDescription::default();
-        (0..MAX_UNKNOWNS).for_each(|i| LEAF_QUANTITIES[i].set(&mut leaf, values[i]));
-        leaf.contents
+/// Returns what a model says of both faces once it is fitted to `fitted`, the first shares of a leaf: two or all four.
+fn told(leaves: &[Leaf], model: LeafModel, fitted: usize, nm: &[f64]) -> Result<Vec<[f64; SHARES]>, Box<dyn Error>> {
+    // Plain least squares, as errors are told.
+    let params = InversionParams { model, faces: [true; 2], correlated: false, ..InversionParams::default() };
+    let inverter = Inverter::new(&params, nm)?;
+    let of = |leaf: &Leaf| {
+        let shares = std::array::from_fn(|i| if i < fitted { &leaf.shares[i][..] } else { &[] });
+        let found = inverter.invert(&LeafSpectra::of_faces("leaf", nm, shares)?);
+        Ok(inverter.spectra_of(&found.values))
     };
-    let spectra = |values: &DVector<f64>, face: Face| -> Result<[Vec<f64>; 2], Box<dyn Error>> {
-        let contents: LeafContents = contents_of(values);
-        let optics = two_sided_spectrum(halves, SpecificAbsorption::ProspectD, &contents, PROSPECT_CONE_DEG, face, nm)?;
-        Ok([optics.iter().map(|x| x.reflectance).collect(), optics.iter().map(|x| x.transmittance).collect()])
-    };
-    let misses = |values: &DVector<f64>| -> Result<DVector<f64>, Box<dyn Error>> {
-        let [r, t] = spectra(values, Face::Adaxial)?;
-        let told = r.into_iter().chain(t);
-        let measured = leaf.shares[0].iter().chain(&leaf.shares[1]);
-        Ok(DVector::from_iterator(2 * nm.len(), told.zip(measured).map(|(x, y)| x - y)))
-    };
-    let mut values = DVector::from_vec(vec![35.0, 8.0, 1.0, 0.02, 0.012, 0.006, 1.6]);
-    let (mut here, mut damping) = (misses(&values)?, 1e-3);
-    for _ in 0..60 {
-        let mut slopes = DMatrix::zeros(here.len(), MAX_UNKNOWNS);
-        for i in 0..MAX_UNKNOWNS {
-            let step = 1e-5 * MOST[i];
-            let mut moved = values.clone();
-            moved[i] += step;
-            slopes.set_column(i, &((misses(&moved)? - &here) / step * MOST[i]));
-        }
-        let mut products = slopes.tr_mul(&slopes);
-        (0..MAX_UNKNOWNS).for_each(|i| products[(i, i)] *= 1.0 + damping);
-        let Some(solved) = products.cholesky() else { break };
-        let step = solved.solve(&slopes.tr_mul(&here));
-        let moved = DVector::from_fn(MAX_UNKNOWNS, |i, _| {
-            (values[i] - step[i] * MOST[i]).clamp(LEAF_QUANTITIES[i].range[0], MOST[i])
-        });
-        let there = misses(&moved)?;
-        if there.norm_squared() < here.norm_squared() {
-            (values, here, damping) = (moved, there, damping * 0.3);
-        } else {
-            damping *= 8.0;
-        }
-    }
-    let ([r, t], [back_r, back_t]) = (spectra(&values, Face::Adaxial)?, spectra(&values, Face::Abaxial)?);
-    Ok([r, t, back_r, back_t])
+    errors(leaves, of)
 }
 
 /// Reads the leaves of a folder, and counts those that reflect and transmit more than falls in.
@@ -158,7 +107,7 @@ fn read(folder: &Path) -> Result<(Vec<Leaf>, usize), Box<dyn Error>> {
             continue;
         }
         let text = fs::read_to_string(&path)?;
-        let mut shares: [Vec<f64>; 4] = Default::default();
+        let mut shares: [Vec<f64>; SHARES] = Default::default();
         for (_, line) in lines(&text) {
             let numbers: Vec<f64> = fields(line, ',')?.iter().filter_map(|cell| cell.parse().ok()).collect();
             let [nm, values @ ..] = &numbers[..] else { continue };

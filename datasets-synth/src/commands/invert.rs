@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use btf_synth::{
-    Inversion, InversionParams, Inverter, LeafSpectra, LinePlot, PROSPECT_CONE_DEG, Series, SynthError, Unknown,
-    read_spectra, significant,
+    Inversion, InversionParams, Inverter, LeafSpectra, LinePlot, PROSPECT_CONE_DEG, SHARES, Series, SynthError,
+    Unknown, read_spectra, significant,
 };
 use clap::Args;
 use rayon::prelude::*;
@@ -24,6 +24,7 @@ use super::run_args::{RunArgs, write_text};
   btf-synth invert leaves.csv
   btf-synth invert leaves.csv --hold cbrown=0,cant=0 --csv contents.csv --plots fits
   btf-synth invert percent.csv --percent --model abm-b --side abaxial --json -
+  btf-synth invert both-faces.csv --model plate-two-sided
   btf-synth invert --capture LEAF --capture LEAF-FROM-BEHIND -o leaf")]
 pub struct InvertArgs {
     /// Tables of spectra (CSV): wavelengths in nm in the first column and a share of light of a leaf in each other one,
@@ -37,16 +38,17 @@ pub struct InvertArgs {
     /// New folder for leaf.toml, its textures and their standard errors
     #[arg(short = 'o', long, value_name = "DIR", requires = "captures")]
     out: Option<PathBuf>,
-    /// Model of the leaf's optics: plate-n, abm97, abm-b or abm-u
+    /// Model of the leaf's optics: plate-n, plate-two-sided, abm97, abm-b or abm-u
     #[arg(long, value_enum, default_value_t = Model::PlateN)]
     model: Model,
-    /// Values that are known, such as cbrown=0,cw=0.012 (cab, car, cant, cbrown, cw, cm, n; rest of algorithmic models)
+    /// Values that are known, such as cbrown=0,cw=0.012 (cab, car, cant, cbrown, cw, cm, n; palisade-layers,
+    /// palisade-pigments, palisade-body of plate-two-sided; rest of algorithmic models)
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     hold: Vec<String>,
     /// Values of the tables are percent
     #[arg(long)]
     percent: bool,
-    /// Face that was lit in the tables (plates are alike from both)
+    /// Face that was lit where a table names none, as the words adaxial and abaxial do
     #[arg(long, value_enum, default_value_t = Side::Adaxial)]
     side: Side,
     /// Half-angle of the cone of incident light in degrees, plates only
@@ -75,14 +77,14 @@ pub struct InvertArgs {
 
 /// Finds the contents and writes the results.
 pub fn run(args: &InvertArgs) -> Result<(), Failure> {
-    let params = params(args)?;
+    let mut params = params(args)?;
     if let Some(out) = &args.out {
         return invert_maps::run(&args.captures, out, &params.unknowns(), &params.held, &args.run);
     }
     let mut leaves = Vec::new();
     let mut notes = Vec::new();
     for file in &args.files {
-        let read = read_spectra(file, if args.percent { 0.01 } else { 1.0 });
+        let read = read_spectra(file, if args.percent { 0.01 } else { 1.0 }, args.side.into());
         let read = read.map_err(|error| match error {
             SynthError::BadSpectra { path, reason } if reason.contains("percent") && !args.percent => {
                 SynthError::BadSpectra { path, reason: format!("{reason}, or give --percent") }
@@ -98,6 +100,7 @@ pub fn run(args: &InvertArgs) -> Result<(), Failure> {
         }
         leaves.extend(read.leaves);
     }
+    params.faces = [0, 1].map(|face| leaves.iter().any(|leaf| leaf.faces()[face]));
     let started = Instant::now();
     let groups = groups(&leaves);
     let done = AtomicUsize::new(0);
@@ -142,7 +145,7 @@ pub fn run(args: &InvertArgs) -> Result<(), Failure> {
 /// Result of a leaf, with the model's spectra where plots are asked for.
 struct Found {
     inversion: Inversion,
-    fitted: [Vec<f64>; 2],
+    fitted: [Vec<f64>; SHARES],
 }
 
 fn params(args: &InvertArgs) -> Result<InversionParams, Failure> {
@@ -152,7 +155,6 @@ fn params(args: &InvertArgs) -> Result<InversionParams, Failure> {
     }
     let mut params = InversionParams {
         model,
-        face: args.side.into(),
         cone_deg: args.cone_deg,
         rays: args.rays.max(1),
         seed: args.seed,
@@ -218,6 +220,8 @@ fn figures(unknowns: &[Unknown], leaf: &LeafSpectra, found: &Inversion) -> Value
         "correlations": found.correlations[..count].iter().map(|row| &row[..count]).collect::<Vec<_>>(),
         "rmse_reflectance": found.rmse[0],
         "rmse_transmittance": found.rmse[1],
+        "rmse_abaxial_reflectance": found.rmse[2],
+        "rmse_abaxial_transmittance": found.rmse[3],
         "remarks": found.remarks,
     })
 }
@@ -228,7 +232,7 @@ fn csv(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
     for unknown in unknowns {
         text += &format!(",{0},{0}_standard_error,{0}_state", unknown.key);
     }
-    text += ",rmse_reflectance,rmse_transmittance,remarks\n";
+    text += ",rmse_reflectance,rmse_transmittance,rmse_abaxial_reflectance,rmse_abaxial_transmittance,remarks\n";
     for (leaf, found) in rows {
         text += &quoted(&leaf.name);
         for i in 0..unknowns.len() {
@@ -301,9 +305,13 @@ fn table(unknowns: &[Unknown], rows: &[(&LeafSpectra, &Inversion)]) -> String {
     text.trim_end().to_owned()
 }
 
+/// Letters of the shares of light in tables and plots.
+const LETTERS: [&str; SHARES] = ["R", "T", "abaxial R", "abaxial T"];
+
 fn missed(found: &Inversion) -> String {
-    let of = |side: usize, letter: &str| found.rmse[side].map(|rmse| format!("{rmse:.4} {letter}"));
-    [of(0, "R"), of(1, "T")].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    let told =
+        found.rmse.iter().zip(LETTERS).filter_map(|(rmse, letter)| rmse.map(|rmse| format!("{rmse:.4} {letter}")));
+    told.collect::<Vec<_>>().join(", ")
 }
 
 fn write_plots(folder: &Path, args: &InvertArgs, leaves: &[LeafSpectra], found: &[Found]) -> Result<(), Failure> {
@@ -319,9 +327,9 @@ fn write_plots(folder: &Path, args: &InvertArgs, leaves: &[LeafSpectra], found: 
     Ok(())
 }
 
-fn plot(args: &InvertArgs, leaf: &LeafSpectra, fitted: &[Vec<f64>; 2]) -> String {
+fn plot(args: &InvertArgs, leaf: &LeafSpectra, fitted: &[Vec<f64>; SHARES]) -> String {
     let mut series = Vec::new();
-    for (what, (measured, fitted)) in ["R", "T"].into_iter().zip(leaf.shares.iter().zip(fitted)) {
+    for (what, (measured, fitted)) in LETTERS.into_iter().zip(leaf.shares.iter().zip(fitted)) {
         if measured.iter().all(|share| share.is_nan()) {
             continue;
         }

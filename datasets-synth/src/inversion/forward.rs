@@ -1,10 +1,20 @@
 //! A leaf model as an inversion sees it: shares of light and their derivatives by some unknowns.
 
-/// Number of unknowns at most, those of a plate model.
-pub const MAX_UNKNOWNS: usize = 7;
+use crate::optics::abm::path_lengths::Face;
+
+/// Number of unknowns at most, those of plates in two unequal halves.
+pub const MAX_UNKNOWNS: usize = 10;
 
 /// Values of unknowns; those beyond the number that a model has stay 0.
 pub(crate) type Values = [f64; MAX_UNKNOWNS];
+
+/// Faces of a leaf, in the order of spectra.
+pub(crate) const FACES: [Face; 2] = [Face::Adaxial, Face::Abaxial];
+
+/// Returns the place of a face among [`FACES`].
+pub(crate) fn place_of(face: Face) -> usize {
+    usize::from(face == Face::Abaxial)
+}
 
 /// Unknown of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +29,8 @@ pub struct Unknown {
     pub unit: &'static str,
     /// Least and greatest value that is tried. Wider than a leaf's range, so that its end is no answer.
     pub bounds: [f64; 2],
+    /// Least and greatest value of leaves.
+    pub range: [f64; 2],
     /// Value of a usual leaf: where the search starts, and what holds where the spectra tell nothing.
     pub start: f64,
     /// Standard deviation of leaves about it: what is told badly stays that near.
@@ -32,7 +44,7 @@ impl Unknown {
     }
 }
 
-/// Reflectance and transmittance at one wavelength with their derivatives.
+/// Reflectance and transmittance of one face at one wavelength with their derivatives.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sensitivity {
     /// Reflectance, transmittance.
@@ -56,11 +68,16 @@ pub(crate) trait Forward: Sync + Send {
     /// Returns the unknowns.
     fn unknowns(&self) -> &[Unknown];
 
+    /// Returns the index of the first unknown that only spectra of both faces tell: all after it are of that kind, too.
+    fn first_of_both_faces(&self) -> usize {
+        self.unknowns().len()
+    }
+
     /// Returns the wavelengths that tell some of the unknowns by themselves, in the order in which they are searched.
     fn domains(&self) -> &[Domain] {
         &[]
     }
 
-    /// Returns the shares of light at the wavelength of index `band`.
-    fn at(&self, band: usize, values: &Values) -> Sensitivity;
+    /// Returns the shares of light that falls onto `face` at the wavelength of index `band`.
+    fn at(&self, band: usize, face: Face, values: &Values) -> Sensitivity;
 }

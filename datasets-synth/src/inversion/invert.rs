@@ -10,19 +10,19 @@
 //! and dry matter [Feret 2019; Spafford 2021].
 
 use crate::error::SynthError;
-use crate::inversion::forward::{Domain, Forward, MAX_UNKNOWNS, Unknown, Values};
+use crate::inversion::forward::{Domain, FACES, Forward, MAX_UNKNOWNS, Unknown, Values};
+use crate::inversion::halves::{HalvesForward, halves_unknowns};
 use crate::inversion::least_squares::{Minimum, Normal, minimum, movable};
 use crate::inversion::outcome::{Inversion, State};
 use crate::inversion::plates::{PlateForward, plate_unknowns};
 use crate::inversion::remarks::remarks;
-use crate::inversion::spectra::LeafSpectra;
+use crate::inversion::spectra::{LeafSpectra, SHARES};
 use crate::inversion::tissue::{TissueForward, tissue_unknowns};
-use crate::inversion::whitening::{Errors, Row, Whitener, Whitening};
+use crate::inversion::whitening::{Errors, Row, Rows, Whitener, Whitening};
 use crate::leaf::model::LeafModel;
 use crate::optics::abm::path_lengths::Face;
 use crate::optics::plates::model::{PROSPECT_CONE_DEG, PlateModel};
 use crate::optics::specific_absorption::LEAF_TABLE_NM;
-use btf_models::LEAF_QUANTITIES;
 
 /// Standard deviation of errors before anything is known of them.
 const FIRST_ERROR: f64 = 5e-3;
@@ -50,12 +50,12 @@ const DOMAIN_END_NM: f64 = 10.0;
 /// Options of an inversion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InversionParams {
-    /// Model of the leaf: `plate-n` or an algorithmic one.
+    /// Model of the leaf: `plate-n`, `plate-two-sided` or an algorithmic one.
     pub model: LeafModel,
     /// Values that are known, in the order of [`Inverter::unknowns`].
     pub held: [Option<f64>; MAX_UNKNOWNS],
-    /// Face towards the light. Plates are alike from both.
-    pub face: Face,
+    /// Faces that spectra are of, adaxial and abaxial: an algorithmic model is traced for each.
+    pub faces: [bool; 2],
     /// Half-angle of the cone of incident light in degrees, for plates.
     pub cone_deg: f64,
     /// Rays of each trace of an algorithmic model.
@@ -73,7 +73,7 @@ impl Default for InversionParams {
         InversionParams {
             model: LeafModel::default(),
             held: [None; MAX_UNKNOWNS],
-            face: Face::Adaxial,
+            faces: [true, false],
             cone_deg: PROSPECT_CONE_DEG,
             rays: 200_000,
             seed: 1,
@@ -86,7 +86,8 @@ impl InversionParams {
     /// Returns what the model's inversion looks for.
     pub fn unknowns(&self) -> Vec<Unknown> {
         match &self.model {
-            LeafModel::Plate(_) | LeafModel::TwoSided(_) => plate_unknowns().to_vec(),
+            LeafModel::Plate(_) => plate_unknowns().to_vec(),
+            LeafModel::TwoSided(halves) => halves_unknowns(halves).to_vec(),
             _ => tissue_unknowns().to_vec(),
         }
     }
@@ -97,8 +98,8 @@ pub struct Inverter {
     forward: Box<dyn Forward>,
     held: [Option<f64>; MAX_UNKNOWNS],
     correlated: bool,
-    /// Least and greatest value of leaves, for each unknown.
-    ranges: [[f64; 2]; MAX_UNKNOWNS],
+    /// Faces that the model is ready for.
+    faces: [bool; 2],
     /// All wavelengths of the spectra, and those that the model covers, as indices.
     wavelengths_nm: Vec<f64>,
     covered: Vec<usize>,
@@ -122,13 +123,12 @@ impl Inverter {
         }
         let forward: Box<dyn Forward> = match &params.model {
             LeafModel::Plate(PlateModel::N) => Box::new(PlateForward::new(&nm, params.cone_deg)),
-            model => Box::new(TissueForward::new(model, params.face, &nm, params.rays, params.seed)?),
+            LeafModel::TwoSided(halves) => {
+                halves.check()?;
+                Box::new(HalvesForward::new(halves, &nm, params.cone_deg))
+            }
+            model => Box::new(TissueForward::new(model, params.faces, &nm, params.rays, params.seed)?),
         };
-        let mut ranges = [[0.0; 2]; MAX_UNKNOWNS];
-        for (range, unknown) in ranges.iter_mut().zip(forward.unknowns()) {
-            let quantity = LEAF_QUANTITIES.iter().find(|quantity| quantity.key == unknown.key);
-            *range = quantity.map_or([0.0, 3.0 * unknown.start], |quantity| quantity.range);
-        }
         for (unknown, held) in forward.unknowns().iter().zip(params.held) {
             let [least, most] = unknown.bounds;
             if let Some(value) = held.filter(|value| !(least..=most).contains(value)) {
@@ -140,8 +140,10 @@ impl Inverter {
                 });
             }
         }
+        let traced = params.model.tissue().is_some();
+        let faces = if traced { params.faces } else { [true; 2] };
         let (held, correlated) = (params.held, params.correlated);
-        Ok(Inverter { forward, held, correlated, ranges, wavelengths_nm: wavelengths_nm.to_vec(), covered })
+        Ok(Inverter { forward, held, correlated, faces, wavelengths_nm: wavelengths_nm.to_vec(), covered })
     }
 
     /// Returns what is looked for, in the order of an [`Inversion`]'s values.
@@ -149,13 +151,15 @@ impl Inverter {
         self.forward.unknowns()
     }
 
-    /// Returns the model's reflectance and transmittance for `values` at every wavelength of the spectra; NaN outside of
-    /// the model.
-    pub fn spectra_of(&self, values: &[f64; MAX_UNKNOWNS]) -> [Vec<f64>; 2] {
-        let mut shares = [0, 1].map(|_| vec![f64::NAN; self.wavelengths_nm.len()]);
+    /// Returns the model's shares of light for `values`, in the order of [`LeafSpectra::shares`], at every wavelength of
+    /// the spectra; NaN outside of the model, and for a face that it is not ready for.
+    pub fn spectra_of(&self, values: &[f64; MAX_UNKNOWNS]) -> [Vec<f64>; SHARES] {
+        let mut shares: [Vec<f64>; SHARES] = std::array::from_fn(|_| vec![f64::NAN; self.wavelengths_nm.len()]);
         for (band, at) in self.covered.iter().enumerate() {
-            let here = self.forward.at(band, values).shares;
-            shares.iter_mut().zip(here).for_each(|(shares, here)| shares[*at] = here);
+            for (place, face) in FACES.into_iter().enumerate().filter(|(place, _)| self.faces[*place]) {
+                let here = self.forward.at(band, face, values).shares;
+                shares[2 * place..].iter_mut().zip(here).for_each(|(shares, here)| shares[*at] = here);
+            }
         }
         shares
     }
@@ -165,18 +169,20 @@ impl Inverter {
     /// Cost: about 10 passes over 64 wavelengths and 8 over all of them, of some 0.2 us a wavelength.
     ///
     /// # Panics
-    /// If `leaf` has other wavelengths than the inverter was made for.
+    /// If `leaf` has other wavelengths or faces than the inverter was made for.
     pub fn invert(&self, leaf: &LeafSpectra) -> Inversion {
         assert_eq!(leaf.wavelengths_nm, self.wavelengths_nm, "spectra at the wavelengths of the inverter");
+        let faces = leaf.faces();
+        assert!((0..2).all(|face| self.faces[face] || !faces[face]), "spectra of the faces of the inverter");
         let bands: Vec<usize> = (0..self.covered.len())
             .filter(|band| leaf.shares.iter().any(|shares| shares[self.covered[*band]].is_finite()))
             .collect();
-        let all = Search { inverter: self, leaf, bands, usual: true };
+        let all = Search { inverter: self, leaf, faces, bands, usual: true };
         let coarse = all.every(all.bands.len().div_ceil(COARSE_BANDS).max(1));
         let (start, free, untold) = self.start(&coarse);
         let mut search = coarse.minimum(&free, start, &Whitening::even(FIRST_ERROR));
         let mut steps = search.steps;
-        let measured = all.bands.len() * (0..2).filter(|side| leaf.has(*side)).count();
+        let measured = all.bands.len() * (0..SHARES).filter(|side| leaf.has(*side)).count();
         let mut whitening =
             Whitening::even(coarse.errors(&search.values).deviation(free.iter().filter(|x| **x).count(), FIRST_ERROR));
         let looks = if self.correlated && measured > MIN_FREEDOM + self.unknowns().len() { LOOKS } else { 0 };
@@ -199,7 +205,8 @@ impl Inverter {
         found.rmse = errors.rmse();
         let nm = |band: Option<&usize>| band.map_or(f64::NAN, |band| self.wavelengths_nm[self.covered[*band]]);
         let span_nm = [nm(all.bands.first()), nm(all.bands.last())];
-        found.remarks = remarks(self.unknowns(), &self.ranges, &found, span_nm);
+        let needs_faces = if faces == [true; 2] { MAX_UNKNOWNS } else { self.forward.first_of_both_faces() };
+        found.remarks = remarks(self.unknowns(), &found, needs_faces, span_nm);
         found.steps = steps;
         found
     }
@@ -216,7 +223,7 @@ impl Inverter {
         }
         let mut free = [false; MAX_UNKNOWNS];
         // One share of light alone does not tell what goes with a content from the content itself.
-        let both = (0..2).all(|side| all.leaf.has(side));
+        let both = all.faces == [true; 2] || [0, 2].iter().any(|face| all.leaf.has(*face) && all.leaf.has(face + 1));
         for i in domain.tells.iter().chain(domain.with.iter().filter(|_| both)).copied() {
             free[i] = matches!(found.states[i], State::Found | State::AtBound);
         }
@@ -250,10 +257,11 @@ impl Inverter {
         }
         let normal = search.normal(&start, &[false; MAX_UNKNOWNS], &Whitening::even(1.0));
         for (i, unknown) in self.unknowns().iter().enumerate() {
-            let [least, most] = self.ranges[i];
+            let [least, most] = unknown.range;
             let change =
                 (normal.products[(i, i)] / normal.count.max(1) as f64).sqrt() / unknown.span() * (most - least);
-            if free[i] && change < TELLS {
+            let needs_faces = i >= self.forward.first_of_both_faces() && search.faces != [true; 2];
+            if free[i] && (change < TELLS || needs_faces) {
                 (free[i], untold[i]) = (false, true);
             }
         }
@@ -274,7 +282,7 @@ impl Inverter {
             standard_errors: [f64::NAN; MAX_UNKNOWNS],
             correlations: [[0.0; MAX_UNKNOWNS]; MAX_UNKNOWNS],
             states: [State::Held; MAX_UNKNOWNS],
-            rmse: [None; 2],
+            rmse: [None; SHARES],
             steps: found.steps,
             remarks: Vec::new(),
         };
@@ -301,6 +309,8 @@ impl Inverter {
 struct Search<'a> {
     inverter: &'a Inverter,
     leaf: &'a LeafSpectra,
+    /// Faces that were measured.
+    faces: [bool; 2],
     /// Indices among the wavelengths that the model covers.
     bands: Vec<usize>,
     /// Whether it is known that leaves are near usual ones.
@@ -318,24 +328,34 @@ impl<'a> Search<'a> {
         minimum(self.inverter.unknowns(), free, start, |values| self.normal(values, free, whitening))
     }
 
+    /// Returns the faces that were measured, with their places.
+    fn faces(&self) -> impl Iterator<Item = (usize, Face)> {
+        let measured = self.faces;
+        FACES.into_iter().enumerate().filter(move |(place, _)| measured[*place])
+    }
+
     /// Returns the sums of least squares, in units of errors. What is `free` may be known to be near usual leaves.
     fn normal(&self, values: &Values, free: &[bool; MAX_UNKNOWNS], whitening: &Whitening) -> Normal {
         let unknowns = self.inverter.unknowns();
         let mut spans = [0.0; MAX_UNKNOWNS];
         spans.iter_mut().zip(unknowns).for_each(|(span, unknown)| *span = unknown.span());
-        let mut normal = Normal::new();
+        let mut normal = Normal::new(unknowns.len());
         let mut whitener = Whitener::new(whitening);
         for band in &self.bands {
             let at = self.inverter.covered[*band];
-            let here = self.inverter.forward.at(*band, values);
-            let row = |side: usize| {
-                let measured = self.leaf.shares[side][at];
-                measured.is_finite().then(|| {
-                    let by = std::array::from_fn(|i| here.by[side][i] * spans[i]);
-                    Row { error: here.shares[side] - measured, by }
-                })
-            };
-            let rows = whitener.next(self.inverter.wavelengths_nm[at], [row(0), row(1)]);
+            let mut rows: Rows = [None; SHARES];
+            for (place, face) in self.faces() {
+                let here = self.inverter.forward.at(*band, face, values);
+                for side in 0..2 {
+                    let measured = self.leaf.shares[2 * place + side][at];
+                    if measured.is_finite() {
+                        let mut row = Row { error: here.shares[side] - measured, by: here.by[side] };
+                        row.by.iter_mut().zip(&spans).for_each(|(by, span)| *by *= span);
+                        rows[2 * place + side] = Some(row);
+                    }
+                }
+            }
+            whitener.whiten(self.inverter.wavelengths_nm[at], &mut rows);
             rows.iter().flatten().for_each(|row| normal.add(row.error, &row.by));
         }
         let measured = normal.count;
@@ -344,19 +364,23 @@ impl<'a> Search<'a> {
             by[i] = spans[i] / unknown.spread;
             normal.add((values[i] - unknown.start) / unknown.spread, &by);
         }
-        Normal { count: measured, ..normal }.mirrored()
+        normal.count = measured;
+        normal.mirrored()
     }
 
     /// Returns the errors along the wavelengths.
     fn errors(&self, values: &Values) -> Errors {
         let row = |band: &usize| {
             let at = self.inverter.covered[*band];
-            let here = self.inverter.forward.at(*band, values);
-            let error = |side: usize| {
-                let measured = self.leaf.shares[side][at];
-                measured.is_finite().then(|| here.shares[side] - measured)
-            };
-            (self.inverter.wavelengths_nm[at], [error(0), error(1)])
+            let mut errors = [None; SHARES];
+            for (place, face) in self.faces() {
+                let here = self.inverter.forward.at(*band, face, values);
+                for side in 0..2 {
+                    let measured = self.leaf.shares[2 * place + side][at];
+                    errors[2 * place + side] = measured.is_finite().then(|| here.shares[side] - measured);
+                }
+            }
+            (self.inverter.wavelengths_nm[at], errors)
         };
         Errors { rows: self.bands.iter().map(row).collect() }
     }

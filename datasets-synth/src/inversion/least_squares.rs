@@ -1,4 +1,4 @@
-//! Damped Gauss-Newton steps within bounds [Levenberg 1944; Marquardt 1963], for up to seven unknowns.
+//! Damped Gauss-Newton steps within bounds [Levenberg 1944; Marquardt 1963], for up to ten unknowns.
 //!
 //! A bound that the solution presses against is taken out of the step. Steps are solved with `nalgebra`; the loop is ours,
 //! because those of the libraries know no bounds, and an inversion has a few microseconds for each step.
@@ -29,18 +29,31 @@ pub(crate) struct Normal {
     pub(crate) gradient: SVector<f64, MAX_UNKNOWNS>,
     /// Number of measurements.
     pub(crate) count: usize,
+    /// Number of unknowns.
+    unknowns: usize,
 }
 
+/// Number of unknowns of most models, for which sums are compiled by themselves.
+const USUAL_UNKNOWNS: usize = 7;
+
 impl Normal {
-    pub(crate) fn new() -> Normal {
-        Normal { squares: 0.0, products: Square::zeros(), gradient: SVector::zeros(), count: 0 }
+    pub(crate) fn new(unknowns: usize) -> Normal {
+        Normal { squares: 0.0, products: Square::zeros(), gradient: SVector::zeros(), count: 0, unknowns }
     }
 
     /// Adds a measurement: its error, and its derivatives by the unknowns in units of their spans.
     pub(crate) fn add(&mut self, error: f64, by: &Values) {
         self.squares += error * error;
         self.count += 1;
-        for i in 0..MAX_UNKNOWNS {
+        if self.unknowns <= USUAL_UNKNOWNS {
+            self.add_some::<USUAL_UNKNOWNS>(error, by);
+        } else {
+            self.add_some::<MAX_UNKNOWNS>(error, by);
+        }
+    }
+
+    fn add_some<const COUNT: usize>(&mut self, error: f64, by: &Values) {
+        for i in 0..COUNT {
             self.gradient[i] += by[i] * error;
             for j in 0..=i {
                 self.products[(i, j)] += by[i] * by[j];
@@ -157,15 +170,19 @@ mod tests {
     use super::*;
 
     const fn unknown(bounds: [f64; 2]) -> Unknown {
-        Unknown { key: "x", option: "x", name: "x", unit: "", bounds, start: 0.0, spread: 1.0 }
+        Unknown { key: "x", option: "x", name: "x", unit: "", bounds, range: bounds, start: 0.0, spread: 1.0 }
     }
 
     /// Rosenbrock's valley as two errors: 10 (y - x^2) and 1 - x.
     fn valley(unknowns: &[Unknown], values: &Values) -> Normal {
         let [x, y, ..] = *values;
-        let mut normal = Normal::new();
+        let mut normal = Normal::new(unknowns.len());
         let (sx, sy) = (unknowns[0].span(), unknowns[1].span());
-        let by = |x: f64, y: f64| [x * sx, y * sy, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let by = |x: f64, y: f64| {
+            let mut by = [0.0; MAX_UNKNOWNS];
+            by[..2].copy_from_slice(&[x * sx, y * sy]);
+            by
+        };
         normal.add(10.0 * (y - x * x), &by(-20.0 * x, 10.0));
         normal.add(1.0 - x, &by(-1.0, 0.0));
         normal.mirrored()
@@ -200,7 +217,8 @@ mod tests {
     fn what_no_measurement_tells_stays_where_it_is() {
         let three = [unknown([-5.0, 5.0]); 3];
         let free = std::array::from_fn(|i| i < 3);
-        let start = [0.0, 0.0, 2.5, 0.0, 0.0, 0.0, 0.0];
+        let mut start = [0.0; MAX_UNKNOWNS];
+        start[2] = 2.5;
         let found = minimum(&three, &free, start, |values| valley(&three, values));
         assert!((found.values[0] - 1.0).abs() < 1e-6 && found.values[2] == 2.5, "{found:?}");
     }

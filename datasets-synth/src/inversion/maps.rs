@@ -15,7 +15,7 @@ use crate::error::SynthError;
 use crate::inversion::diffuse_colour::{DiffuseColour, MAX_PAIRS, diffuse_colour, median};
 use crate::inversion::forward::{MAX_UNKNOWNS, Unknown, Values};
 use crate::inversion::least_squares::{Minimum, Normal, minimum};
-use crate::inversion::plates::{PlateBand, contents_of, plate_unknowns, values_of};
+use crate::inversion::plates::{PLATE_UNKNOWNS, PlateBand, contents_of, plate_unknowns, values_of};
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};
 use crate::surface::capture::Progress;
 
@@ -176,7 +176,7 @@ type Colours = [Option<[f64; 3]>; 2];
 
 /// Body of `plate-n` that is asked for its colour.
 struct BodyColour {
-    unknowns: [Unknown; MAX_UNKNOWNS],
+    unknowns: [Unknown; PLATE_UNKNOWNS],
     /// Pile and weights in linear red, green and blue, of each wavelength.
     bands: Vec<(PlateBand, [f64; 3])>,
 }
@@ -195,15 +195,18 @@ impl BodyColour {
         let free = std::array::from_fn(|i| COLOURS_TELL.contains(&i));
         let spans = self.unknowns.map(|unknown| unknown.span());
         minimum(&self.unknowns, &free, *about, |values| {
-            let mut normal = Normal::new();
+            let mut normal = Normal::new(PLATE_UNKNOWNS);
             let told = self.colours(values);
             for side in 0..2 {
                 let (Some(colour), Some(errors)) = (&colours[side], &errors[side]) else { continue };
                 for channel in 0..3 {
                     let error = errors[channel].hypot(MODEL_ERROR);
                     let (value, by) = &told[side][channel];
-                    let by = std::array::from_fn(|i| by[i] * spans[i] / error);
-                    normal.add((value - colour[channel]) / error, &by);
+                    let mut scaled = [0.0; MAX_UNKNOWNS];
+                    for i in COLOURS_TELL {
+                        scaled[i] = by[i] * spans[i] / error;
+                    }
+                    normal.add((value - colour[channel]) / error, &scaled);
                 }
             }
             for (i, spread) in COLOURS_TELL.into_iter().zip(spread) {

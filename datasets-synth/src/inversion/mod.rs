@@ -3,6 +3,7 @@
 pub(crate) mod diffuse_colour;
 pub(crate) mod digits;
 pub(crate) mod forward;
+pub(crate) mod halves;
 pub(crate) mod invert;
 pub(crate) mod least_squares;
 pub(crate) mod maps;

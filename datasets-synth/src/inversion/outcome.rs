@@ -1,6 +1,7 @@
 //! Result of an inversion.
 
 use crate::inversion::forward::MAX_UNKNOWNS;
+use crate::inversion::spectra::SHARES;
 
 /// What became of an unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,8 +47,8 @@ pub struct Inversion {
     pub correlations: [[f64; MAX_UNKNOWNS]; MAX_UNKNOWNS],
     /// What became of each.
     pub states: [State; MAX_UNKNOWNS],
-    /// Root mean square error of reflectance and transmittance, as far as measured.
-    pub rmse: [Option<f64>; 2],
+    /// Root mean square errors of the shares of light, in the order of [`crate::LeafSpectra::shares`], as far as measured.
+    pub rmse: [Option<f64>; SHARES],
     /// Number of steps of all searches.
     pub steps: usize,
     /// What a reader must know, in words.

@@ -3,17 +3,21 @@
 use btf_models::{LEAF_QUANTITIES, LeafContents, LeafDescription};
 
 use crate::inversion::forward::{Domain, Forward, MAX_UNKNOWNS, Sensitivity, Unknown, Values};
+use crate::optics::abm::path_lengths::Face;
 use crate::optics::plates::shares::PlateOptics;
 use crate::optics::plates::slopes::LitSurface;
 use crate::optics::specific_absorption::{Coefficients, SpecificAbsorption};
 
 /// Index of the number of layers among the unknowns; those before it are contents.
-const STRUCTURE: usize = MAX_UNKNOWNS - 1;
+pub(crate) const STRUCTURE: usize = PLATE_UNKNOWNS - 1;
+
+/// Number of unknowns of `plate-n`: the first of [`LEAF_QUANTITIES`].
+pub(crate) const PLATE_UNKNOWNS: usize = 7;
 
 /// Option, greatest value that is tried, usual value and spread of each unknown, in the order of [`LEAF_QUANTITIES`]. The
 /// usual values are about the means of measured leaves, with something of everything, so that every derivative tells; the
 /// spreads are half as wide again as those of measured leaves.
-const SEARCH: [(&str, f64, f64, f64); MAX_UNKNOWNS] = [
+const SEARCH: [(&str, f64, f64, f64); PLATE_UNKNOWNS] = [
     ("cab", 200.0, 35.0, 35.0),
     ("car", 60.0, 8.0, 8.0),
     ("cant", 60.0, 1.0, 3.0),
@@ -24,7 +28,7 @@ const SEARCH: [(&str, f64, f64, f64); MAX_UNKNOWNS] = [
 ];
 
 /// Wavelengths that tell contents by themselves [Feret 2019; Spafford 2021].
-const DOMAINS: [Domain; 3] = [
+pub(crate) const DOMAINS: [Domain; 3] = [
     // Water and dry matter.
     Domain { tells: &[4, 5], with: &[STRUCTURE], nm: [1700.0, 2400.0] },
     // Chlorophyll.
@@ -34,11 +38,20 @@ const DOMAINS: [Domain; 3] = [
 ];
 
 /// Returns the unknowns of `plate-n`, in the order of the fields of [`LeafContents`].
-pub(crate) fn plate_unknowns() -> [Unknown; MAX_UNKNOWNS] {
+pub(crate) fn plate_unknowns() -> [Unknown; PLATE_UNKNOWNS] {
     std::array::from_fn(|i| {
         let (quantity, (option, most, start, spread)) = (&LEAF_QUANTITIES[i], SEARCH[i]);
         let bounds = [quantity.range[0], most];
-        Unknown { key: quantity.key, option, name: quantity.name, unit: quantity.unit, bounds, start, spread }
+        Unknown {
+            key: quantity.key,
+            option,
+            name: quantity.name,
+            unit: quantity.unit,
+            bounds,
+            range: quantity.range,
+            start,
+            spread,
+        }
     })
 }
 
@@ -87,7 +100,7 @@ impl PlateBand {
 
 /// Pile of plates at fixed wavelengths.
 pub(crate) struct PlateForward {
-    unknowns: [Unknown; MAX_UNKNOWNS],
+    unknowns: [Unknown; PLATE_UNKNOWNS],
     bands: Vec<PlateBand>,
 }
 
@@ -108,7 +121,7 @@ impl Forward for PlateForward {
         &DOMAINS
     }
 
-    fn at(&self, band: usize, values: &Values) -> Sensitivity {
+    fn at(&self, band: usize, _: Face, values: &Values) -> Sensitivity {
         self.bands[band].at(values)
     }
 }
@@ -116,13 +129,15 @@ impl Forward for PlateForward {
 /// Returns the contents of a leaf as values of the unknowns of `plate-n`.
 pub(crate) fn values_of(contents: &LeafContents) -> Values {
     let leaf = LeafDescription { contents: *contents, ..LeafDescription::default() };
-    std::array::from_fn(|i| LEAF_QUANTITIES[i].of(&leaf))
+    let mut values = [0.0; MAX_UNKNOWNS];
+    values[..PLATE_UNKNOWNS].iter_mut().zip(&LEAF_QUANTITIES).for_each(|(value, quantity)| *value = quantity.of(&leaf));
+    values
 }
 
 /// Returns values of the unknowns of `plate-n` as the contents of a leaf.
 pub(crate) fn contents_of(values: &Values) -> LeafContents {
     let mut leaf = LeafDescription::default();
-    LEAF_QUANTITIES.iter().zip(values).for_each(|(quantity, value)| quantity.set(&mut leaf, *value));
+    LEAF_QUANTITIES[..PLATE_UNKNOWNS].iter().zip(values).for_each(|(quantity, value)| quantity.set(&mut leaf, *value));
     leaf.contents
 }
 
@@ -144,7 +159,7 @@ mod tests {
             [optics[band].reflectance, optics[band].transmittance]
         };
         for band in 0..nm.len() {
-            let at = forward.at(band, &values);
+            let at = forward.at(band, Face::Adaxial, &values);
             for (i, unknown) in forward.unknowns().iter().enumerate() {
                 let step = 1e-5 * unknown.span();
                 let moved = |by: f64| {

@@ -1,7 +1,7 @@
 //! What a reader of an inversion must know beside the numbers, in words.
 
 use crate::inversion::digits::significant;
-use crate::inversion::forward::{MAX_UNKNOWNS, Unknown};
+use crate::inversion::forward::Unknown;
 use crate::inversion::outcome::{Inversion, State};
 
 /// Standard error, relative to a leaf's range, above which a content counts as not told.
@@ -11,21 +11,20 @@ const TOGETHER: f64 = 0.97;
 /// Root mean square error of the shares of light above which the spectra are those of another kind of thing.
 const POOR: f64 = 0.04;
 
-/// Returns the remarks on an inversion. `ranges` are those of leaves, for each unknown; `span_nm` is the range of
-/// wavelengths that was measured.
-pub(crate) fn remarks(
-    unknowns: &[Unknown],
-    ranges: &[[f64; 2]; MAX_UNKNOWNS],
-    found: &Inversion,
-    span_nm: [f64; 2],
-) -> Vec<String> {
+/// Returns the remarks on an inversion. `needs_faces` is the index of the first unknown that both faces were needed for; `span_nm` is the range of wavelengths that was measured.
+pub(crate) fn remarks(unknowns: &[Unknown], found: &Inversion, needs_faces: usize, span_nm: [f64; 2]) -> Vec<String> {
     let mut remarks = Vec::new();
     for (i, unknown) in unknowns.iter().enumerate() {
         let Unknown { name, unit, .. } = unknown;
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let (value, error) = (significant(found.values[i], 4), found.standard_errors[i]);
-        let [least, most] = ranges[i];
+        let [least, most] = unknown.range;
         match found.states[i] {
+            State::Untold if i > needs_faces => {}
+            State::Untold if i == needs_faces => remarks.push(
+                "how contents divide between the halves of the leaf takes spectra of both faces and stayed as it was"
+                    .to_owned(),
+            ),
             State::Untold => remarks.push(format!(
                 "{name} cannot be told between {} and {} nm and stayed at {value}{unit}",
                 span_nm[0], span_nm[1]
@@ -60,6 +59,7 @@ pub(crate) fn remarks(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::inversion::forward::MAX_UNKNOWNS;
 
     #[test]
     fn what_is_not_told_well_is_named_and_what_is_told_well_is_not() {
@@ -69,19 +69,22 @@ mod tests {
             name,
             unit: "mg",
             bounds: [0.0, 100.0],
+            range: [0.0, 10.0],
             start: 5.0,
             spread: 5.0,
         };
         let unknowns = ["sure", "vague", "bound", "untold", "far"].map(unknown);
         let mut found = Inversion {
-            values: [5.0, 6.0, 100.0, 5.0, 12.0, 0.0, 0.0],
-            standard_errors: [0.1, 4.0, f64::NAN, f64::NAN, 0.1, f64::NAN, f64::NAN],
+            values: [0.0; MAX_UNKNOWNS],
+            standard_errors: [f64::NAN; MAX_UNKNOWNS],
             correlations: [[0.0; MAX_UNKNOWNS]; MAX_UNKNOWNS],
             states: [State::Held; MAX_UNKNOWNS],
-            rmse: [Some(0.01), None],
+            rmse: [Some(0.01), None, None, None],
             steps: 1,
             remarks: Vec::new(),
         };
+        found.values[..5].copy_from_slice(&[5.0, 6.0, 100.0, 5.0, 12.0]);
+        found.standard_errors[..5].copy_from_slice(&[0.1, 4.0, f64::NAN, f64::NAN, 0.1]);
         found.states[..5].copy_from_slice(&[
             State::Found,
             State::Found,
@@ -89,7 +92,7 @@ mod tests {
             State::Untold,
             State::FoundByDomain,
         ]);
-        let told = |found: &Inversion| remarks(&unknowns, &[[0.0, 10.0]; MAX_UNKNOWNS], found, [400.0, 780.0]);
+        let told = |found: &Inversion| remarks(&unknowns, found, 5, [400.0, 780.0]);
         let words = told(&found);
         for (remark, expected) in words.iter().zip([
             "vague is hardly told: 6 +- 4 mg",

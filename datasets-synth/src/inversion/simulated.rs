@@ -39,7 +39,7 @@ pub fn simulated_spectra(
     let mut noisy = |share: f64| share + noise * normal(random);
     let reflectance = optics.iter().map(|optics| noisy(optics.reflectance)).collect();
     let transmittance = optics.iter().map(|optics| noisy(optics.transmittance)).collect();
-    let shares = [reflectance, transmittance];
+    let shares = [reflectance, transmittance, vec![f64::NAN; optics.len()], vec![f64::NAN; optics.len()]];
     Ok(LeafSpectra { name: "leaf".to_owned(), wavelengths_nm: wavelengths_nm.to_vec(), shares })
 }
 

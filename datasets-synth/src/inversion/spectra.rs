@@ -2,39 +2,51 @@
 
 use crate::optics::specific_absorption::LEAF_TABLE_NM;
 
-/// Reflectance and transmittance of one leaf.
+/// Shares of the incident light of a leaf: reflectance and transmittance of the upper face, then of the lower one.
+pub const SHARES: usize = 4;
+
+/// Reflectance and transmittance of one leaf, of its upper face, its lower one or both.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafSpectra {
     /// Name of the leaf.
     pub name: String,
     /// Wavelengths in nanometres, ascending.
     pub wavelengths_nm: Vec<f64>,
-    /// Shares of the incident light that are reflected and transmitted, one for each wavelength. NaN where nothing was
-    /// measured.
-    pub shares: [Vec<f64>; 2],
+    /// Shares of the incident light that are reflected and transmitted by the adaxial face, then by the abaxial one, one
+    /// for each wavelength. NaN where nothing was measured.
+    pub shares: [Vec<f64>; SHARES],
 }
 
-/// Names of the two shares of light.
-pub(crate) const SHARE_NAMES: [&str; 2] = ["reflectance", "transmittance"];
+/// Names of the shares of light.
+pub(crate) const SHARE_NAMES: [&str; SHARES] =
+    ["reflectance", "transmittance", "abaxial reflectance", "abaxial transmittance"];
 
 impl LeafSpectra {
-    /// Returns the spectra of a leaf of which reflectance, transmittance or both were measured. What is missing may be
-    /// empty or NaN.
+    /// Returns the spectra of a leaf whose upper face was lit, of which reflectance, transmittance or both were measured.
+    /// What is missing may be empty or NaN.
     ///
     /// # Errors
-    /// What is wrong, as a clause: another number of shares than of wavelengths, wavelengths that do not ascend, shares
-    /// that are none of light, nothing measured within [`LEAF_TABLE_NM`].
+    /// Those of [`LeafSpectra::of_faces`].
     pub fn new(
         name: &str,
         wavelengths_nm: &[f64],
         reflectance: &[f64],
         transmittance: &[f64],
     ) -> Result<LeafSpectra, String> {
+        LeafSpectra::of_faces(name, wavelengths_nm, [reflectance, transmittance, &[], &[]])
+    }
+
+    /// Returns the spectra of a leaf, in the order of [`LeafSpectra::shares`]. What is missing may be empty or NaN.
+    ///
+    /// # Errors
+    /// What is wrong, as a clause: another number of shares than of wavelengths, wavelengths that do not ascend, shares
+    /// that are none of light, nothing measured within [`LEAF_TABLE_NM`].
+    pub fn of_faces(name: &str, wavelengths_nm: &[f64], shares: [&[f64]; SHARES]) -> Result<LeafSpectra, String> {
         let count = wavelengths_nm.len();
         if wavelengths_nm.windows(2).any(|pair| pair[0].partial_cmp(&pair[1]) != Some(std::cmp::Ordering::Less)) {
             return Err(format!("the wavelengths of {name} do not ascend; sort them, each once"));
         }
-        let mut shares = [reflectance, transmittance].map(<[f64]>::to_vec);
+        let mut shares = shares.map(<[f64]>::to_vec);
         for (shares, what) in shares.iter_mut().zip(SHARE_NAMES) {
             if shares.is_empty() {
                 *shares = vec![f64::NAN; count];
@@ -60,9 +72,14 @@ impl LeafSpectra {
         }
     }
 
-    /// Returns whether anything was measured of reflectance (0) or transmittance (1).
-    pub(crate) fn has(&self, side: usize) -> bool {
-        self.shares[side].iter().any(|share| share.is_finite())
+    /// Returns whether anything was measured of a share of light.
+    pub(crate) fn has(&self, share: usize) -> bool {
+        self.shares[share].iter().any(|share| share.is_finite())
+    }
+
+    /// Returns whether anything was measured of the adaxial and of the abaxial face.
+    pub fn faces(&self) -> [bool; 2] {
+        [self.has(0) || self.has(1), self.has(2) || self.has(3)]
     }
 
     /// Returns how many shares were measured within [`LEAF_TABLE_NM`].

@@ -2,9 +2,11 @@
 //!
 //! Two layouts. **Columns**: the first column holds wavelengths in nanometres, each other one a share of light of a leaf;
 //! its name holds `reflectance` or `transmittance` (or `R`, `T`, `refl`, `trans`, `rho`, `tau`) as its first or last word
-//! and the leaf's name in the rest. Columns of standard deviations are passed over. **Rows**: three or more columns are named
+//! and the leaf's name in the rest; the word `adaxial` or `abaxial` beside it names the face that was lit. Columns of standard
+//! deviations are passed over. **Rows**: three or more columns are named
 //! by wavelengths (`450`, `X450`, `450nm`), and each row is a share of light of a leaf, named by a column `name`, `sample`,
-//! `id` or `leaf`, and by a column `quantity`, `measurement` or `type`; without that, rows are reflectance. A table whose first
+//! `id` or `leaf`, by a column `quantity`, `measurement` or `type`, without which rows are reflectance, and by a column
+//! `face`, `side` or `surface` with the words for it. A table whose first
 //! column is called `wavelength`, `wl`, `nm` or `lambda` has columns. Commas, semicolons or tabs separate values; with the
 //! latter two a comma may be the decimal point. Cells that are empty, no number, or below -1 (`-9.999`) were not measured.
 
@@ -15,7 +17,9 @@ use btf_capture::delimited::{fields, lines, separator_of};
 use btf_capture::toml_text::bounded_text;
 
 use crate::error::SynthError;
-use crate::inversion::spectra::{LeafSpectra, SHARE_NAMES};
+use crate::inversion::forward::place_of;
+use crate::inversion::spectra::{LeafSpectra, SHARE_NAMES, SHARES};
+use crate::optics::abm::path_lengths::Face;
 
 /// Largest table that is read, in bytes: 10,000 leaves at 2,101 wavelengths.
 const MAX_BYTES: u64 = 512 << 20;
@@ -28,6 +32,8 @@ const MIN_MEASURED: f64 = -1.0;
 /// Words that name the shares of light.
 const WORDS: [&[&str]; 2] =
     [&["reflectance", "refl", "r", "rho", "reflectivity"], &["transmittance", "trans", "tran", "t", "tau"]];
+/// Words that name the faces.
+const FACE_WORDS: [&str; 2] = ["adaxial", "abaxial"];
 /// Words that name how values differ, which are no shares of light.
 const DEVIATIONS: [&str; 7] = ["sd", "std", "stdev", "se", "sem", "deviation", "error"];
 /// Beginnings of the name of a column of wavelengths.
@@ -44,18 +50,19 @@ pub struct ReadSpectra {
     pub left_out: Vec<String>,
 }
 
-/// Reads a table of spectra. `scale` multiplies every value: 0.01 for percent.
+/// Reads a table of spectra. `scale` multiplies every value: 0.01 for percent. `face` is the one that was lit where the table
+/// names none.
 ///
 /// # Errors
 /// [`SynthError::BadSpectra`] with what is wrong: no table, no wavelengths, no leaf, a share or a wavelength given twice,
 /// rows that do not fit the heading, values that are no shares of light.
-pub fn read_spectra(path: impl AsRef<Path>, scale: f64) -> Result<ReadSpectra, SynthError> {
+pub fn read_spectra(path: impl AsRef<Path>, scale: f64, face: Face) -> Result<ReadSpectra, SynthError> {
     let path = path.as_ref();
     let bad = |reason: String| SynthError::BadSpectra { path: path.display().to_string(), reason };
     let text = bounded_text(path, MAX_BYTES, "a table of spectra")
         .map_err(|fault| bad(format!("it {fault}; give a CSV table in UTF-8")))?;
     let stem = path.file_stem().map_or_else(|| "leaf".to_owned(), |stem| stem.to_string_lossy().into_owned());
-    read_table(text.trim_start_matches('\u{FEFF}'), &stem, scale).map_err(bad)
+    read_table(text.trim_start_matches('\u{FEFF}'), &stem, scale, face).map_err(bad)
 }
 
 /// Table that is split into cells.
@@ -65,10 +72,12 @@ struct Table {
     rows: Vec<(usize, Vec<String>)>,
     separator: char,
     scale: f64,
+    /// Face that was lit where nothing names one.
+    face: Face,
 }
 
 impl Table {
-    fn split(text: &str, scale: f64) -> Result<Table, String> {
+    fn split(text: &str, scale: f64, face: Face) -> Result<Table, String> {
         let mut lines = lines(text);
         let (number, heading) = lines.next().ok_or("it is empty")?;
         let separator = separator_of(heading);
@@ -92,7 +101,7 @@ impl Table {
             cells.resize(names.len(), String::new());
             rows.push((number, cells));
         }
-        Ok(Table { names, rows, separator, scale })
+        Ok(Table { names, rows, separator, scale, face })
     }
 
     /// Returns the number in a cell.
@@ -112,7 +121,7 @@ impl Table {
 }
 
 /// Shares of light of a leaf, each over all wavelengths of the table, as far as there are.
-type Measured = [Option<Vec<f64>>; 2];
+type Measured = [Option<Vec<f64>>; SHARES];
 
 /// Leaves of a table in its order.
 #[derive(Default)]
@@ -122,21 +131,21 @@ struct Leaves {
 }
 
 impl Leaves {
-    fn put(&mut self, name: &str, side: usize, values: Vec<f64>) -> Result<(), String> {
+    fn put(&mut self, name: &str, share: usize, values: Vec<f64>) -> Result<(), String> {
         if !self.by_name.contains_key(name) {
             self.order.push(name.to_owned());
         }
-        match self.by_name.entry(name.to_owned()).or_default()[side].replace(values) {
+        match self.by_name.entry(name.to_owned()).or_default()[share].replace(values) {
             None => Ok(()),
             Some(_) => {
-                Err(format!("it has the {} of `{name}` twice; give each leaf a name of its own", SHARE_NAMES[side]))
+                Err(format!("it has the {} of `{name}` twice; give each leaf a name of its own", SHARE_NAMES[share]))
             }
         }
     }
 }
 
-fn read_table(text: &str, stem: &str, scale: f64) -> Result<ReadSpectra, String> {
-    let table = Table::split(text, scale)?;
+fn read_table(text: &str, stem: &str, scale: f64, face: Face) -> Result<ReadSpectra, String> {
+    let table = Table::split(text, scale, face)?;
     let columns_nm: Vec<Option<f64>> = table.names.iter().map(|name| wavelength_of(name)).collect();
     let first = table.names.first().map_or_else(String::new, |name| name.to_lowercase());
     let are_rows = columns_nm.iter().flatten().count() >= MIN_WAVELENGTH_COLUMNS
@@ -159,7 +168,7 @@ fn read_table(text: &str, stem: &str, scale: f64) -> Result<ReadSpectra, String>
         if shares.iter().flatten().all(|share| share.is_nan()) {
             read.left_out.push(name.clone());
         } else {
-            read.leaves.push(LeafSpectra::new(name, &sorted(&nm), &shares[0], &shares[1])?);
+            read.leaves.push(LeafSpectra::of_faces(name, &sorted(&nm), shares.each_ref().map(Vec::as_slice))?);
         }
     }
     match (read.leaves.is_empty(), read.left_out.is_empty()) {
@@ -182,8 +191,8 @@ fn read_columns(table: &Table, stem: &str, leaves: &mut Leaves) -> Result<Vec<f6
     };
     let nm = table.rows.iter().map(wavelength).collect::<Result<Vec<f64>, String>>()?;
     for (column, heading) in table.names.iter().enumerate().skip(1) {
-        if let Some((name, side)) = share_of(heading, stem) {
-            leaves.put(&name, side, table.rows.iter().map(|(_, cells)| table.share(&cells[column])).collect())?;
+        if let Some((name, share)) = share_of(heading, stem, table.face) {
+            leaves.put(&name, share, table.rows.iter().map(|(_, cells)| table.share(&cells[column])).collect())?;
         }
     }
     Ok(nm)
@@ -197,6 +206,7 @@ fn read_rows(table: &Table, columns_nm: &[Option<f64>], stem: &str, leaves: &mut
     };
     let name_at = find(&["name", "sample", "id", "leaf", "sample_id", "sample_name"]);
     let quantity_at = find(&["quantity", "measurement", "type"]);
+    let face_at = find(&["face", "side", "surface"]);
     for (line, cells) in &table.rows {
         let side = match quantity_at.map(|at| cells[at].as_str()) {
             None => 0,
@@ -210,8 +220,13 @@ fn read_rows(table: &Table, columns_nm: &[Option<f64>], stem: &str, leaves: &mut
             None if quantity_at.is_some() => stem.to_owned(),
             _ => format!("{stem}-{line}"),
         };
+        let face = match face_at.map(|at| cells[at].as_str()).filter(|word| !word.is_empty()) {
+            None => place_of(table.face),
+            Some(word) => face_of(word)
+                .ok_or_else(|| format!("line {line} has `{word}` for its face; adaxial or abaxial is expected"))?,
+        };
         let shares = cells.iter().zip(columns_nm).filter(|(_, nm)| nm.is_some());
-        leaves.put(&name, side, shares.map(|(text, _)| table.share(text)).collect())?;
+        leaves.put(&name, 2 * face + side, shares.map(|(text, _)| table.share(text)).collect())?;
     }
     Ok(columns_nm.iter().flatten().copied().collect())
 }
@@ -230,21 +245,57 @@ fn side_of(word: &str) -> Option<usize> {
     (0..2).find(|side| WORDS[*side].contains(&word.as_str()))
 }
 
+fn face_of(word: &str) -> Option<usize> {
+    let word = word.to_lowercase();
+    FACE_WORDS.iter().position(|face| word == *face)
+}
+
 /// Returns the leaf and the share of light that the heading of a column names; `None` for deviations.
-fn share_of(heading: &str, stem: &str) -> Option<(String, usize)> {
+fn share_of(heading: &str, stem: &str, face: Face) -> Option<(String, usize)> {
     let mut words = heading.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
-    let (first, last) = (words.next().unwrap_or(""), words.next_back().unwrap_or(""));
-    if DEVIATIONS.contains(&last.to_lowercase().as_str()) {
+    if words.next_back().is_some_and(|last| DEVIATIONS.contains(&last.to_lowercase().as_str())) {
         return None;
     }
-    // A heading of one word has it as its first.
-    let (side, rest) = match (side_of(last), side_of(first)) {
-        (Some(side), _) => (side, &heading[..heading.rfind(last)?]),
-        (None, Some(side)) => (side, &heading[heading.find(first)? + first.len()..]),
-        (None, None) => (0, heading),
+    let (face, heading) = match without_word(heading, Reach::Beside, face_of) {
+        Some((place, rest)) => (place, rest),
+        None => (place_of(face), heading.to_owned()),
     };
+    let (side, rest) = without_word(&heading, Reach::Ends, side_of).unwrap_or((0, heading));
     let name = rest.trim_matches(|c: char| !c.is_alphanumeric());
-    Some((if name.is_empty() { stem.to_owned() } else { name.to_owned() }, side))
+    Some((if name.is_empty() { stem.to_owned() } else { name.to_owned() }, 2 * face + side))
+}
+
+/// How far into a heading a word is looked for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Reach {
+    /// Its first and last word.
+    Ends,
+    /// The words beside those, too.
+    Beside,
+}
+
+/// Looks for a word with a meaning, as far into a heading as `reach` says. Returns the meaning and the heading
+/// without it.
+fn without_word(heading: &str, reach: Reach, meaning: fn(&str) -> Option<usize>) -> Option<(usize, String)> {
+    let mut words = Vec::new();
+    let mut start = None;
+    for (at, c) in heading.char_indices().chain([(heading.len(), ' ')]) {
+        match (c.is_alphanumeric(), start) {
+            (true, None) => start = Some(at),
+            (false, Some(from)) => {
+                words.push(from..at);
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    let count = words.len();
+    let beside = [count.checked_sub(2), Some(1)].map(|place| place.filter(|_| reach == Reach::Beside));
+    // A heading of one word has it as its first.
+    let places = [count.checked_sub(1), Some(0)].into_iter().chain(beside);
+    let found = |place: usize| Some((words.get(place)?.clone(), meaning(heading.get(words.get(place)?.clone())?)?));
+    let (word, meant) = places.flatten().find_map(found)?;
+    Some((meant, format!("{}{}", &heading[..word.start], &heading[word.end..])))
 }
 
 #[cfg(test)]
@@ -252,7 +303,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> ReadSpectra {
-        read_table(text, "file", 1.0).unwrap()
+        read_table(text, "file", 1.0, Face::Adaxial).unwrap()
     }
 
     #[test]
@@ -268,10 +319,17 @@ mod tests {
     }
 
     #[test]
-    fn both_faces_of_a_leaf_are_two_leaves_and_a_bare_quantity_is_the_files() {
+    fn both_faces_are_one_leaf_and_a_bare_quantity_is_the_files() {
         let faces = read("wl;R(adaxial);T(adaxial);R(abaxial)\n400;0,05;0,01;0,09\n");
-        assert_eq!(faces.leaves.iter().map(|leaf| leaf.name.as_str()).collect::<Vec<_>>(), ["adaxial", "abaxial"]);
-        assert_eq!(faces.leaves[0].shares[1], [0.01]);
+        let [leaf] = &faces.leaves[..] else { panic!("{faces:?}") };
+        assert_eq!((leaf.name.as_str(), leaf.faces()), ("file", [true, true]));
+        assert_eq!([0, 1, 2].map(|share| leaf.shares[share][0]), [0.05, 0.01, 0.09]);
+        assert!(leaf.shares[3][0].is_nan());
+        // Where a table names no face, the caller does.
+        let back = read_table("nm,oak R,adaxial ash R\n400,0.1,0.2\n", "file", 1.0, Face::Abaxial).unwrap();
+        assert_eq!([0, 1].map(|leaf| back.leaves[leaf].faces()), [[false, true], [true, false]]);
+        let rows = read("id,face,X400,X450,X500\na,adaxial,0.1,0.1,0.1\na,abaxial,0.2,0.2,0.2\n");
+        assert_eq!((rows.leaves.len(), rows.leaves[0].shares[2][0]), (1, 0.2));
         let bare = read("nm\treflectance\ttransmittance\n400\t0.05\t0.01\n");
         assert_eq!((bare.leaves.len(), bare.leaves[0].name.as_str()), (1, "file"));
     }
@@ -299,10 +357,14 @@ mod tests {
             ("\u{e9}rable_R", "\u{e9}rable", 0),
             ("0401", "0401", 0),
             ("", "file", 0),
+            ("oak abaxial T", "oak", 3),
+            ("Abaxial oak (R)", "oak", 2),
+            ("T adaxial oak", "oak", 1),
+            ("oak_R_abaxial", "oak", 2),
         ] {
-            assert_eq!(share_of(heading, "file"), Some((leaf.to_owned(), side)), "{heading}");
+            assert_eq!(share_of(heading, "file", Face::Adaxial), Some((leaf.to_owned(), side)), "{heading}");
         }
-        assert_eq!(share_of("oak reflectance SD", "file"), None);
+        assert_eq!(share_of("oak reflectance SD", "file", Face::Adaxial), None);
         // Leaves whose names are numbers, beside a column that says that it holds wavelengths.
         let numbered = read("wavelength,0401,0402,0403\n400,0.1,0.2,0.3\n");
         assert_eq!(numbered.leaves.iter().map(|leaf| leaf.name.as_str()).collect::<Vec<_>>(), ["0401", "0402", "0403"]);
@@ -314,10 +376,10 @@ mod tests {
     #[test]
     fn percent_is_scaled_or_told() {
         let text = "nm,r\n400,5\n450,40\n";
-        assert!(read_table(text, "f", 1.0).unwrap_err().contains("divide percent by 100"));
-        assert_eq!(read_table(text, "f", 0.01).unwrap().leaves[0].shares[0], [0.05, 0.4]);
+        assert!(read_table(text, "f", 1.0, Face::Adaxial).unwrap_err().contains("divide percent by 100"));
+        assert_eq!(read_table(text, "f", 0.01, Face::Adaxial).unwrap().leaves[0].shares[0], [0.05, 0.4]);
         // What was not measured stays so.
-        let gappy = read_table("nm,r\n400,-9.999\n450,40\n", "f", 0.01).unwrap();
+        let gappy = read_table("nm,r\n400,-9.999\n450,40\n", "f", 0.01, Face::Adaxial).unwrap();
         assert!(gappy.gaps == 1 && gappy.leaves[0].shares[0][0].is_nan());
     }
 
@@ -330,16 +392,17 @@ mod tests {
             ("nm,oak R,oak_R\n400,0.1,0.1\n", "`oak` twice"),
             ("nm,R\n300,0.1\n", "no value between 400 and 2500"),
             ("nm,\"R\n400,0.1\n", "quote"),
+            ("id,side,400,450,500\na,left,0.1,0.1,0.1\n", "`left` for its face"),
             ("id,type,400,450,500\na,absorptance,0.1,0.1,0.1\n", "`absorptance`"),
             ("nm,R\n", "nothing was measured of file"),
             ("nm,R\n400,0,05\n", "line 2 has 3 values where the heading names 2"),
             ("nm,R\n700,0.1\n700,0.2\n", "700 nm twice"),
             ("400,450,500\na,0.1,0.2,0.3\n", "line 2 has 4 values"),
         ] {
-            let fault = read_table(text, "file", 1.0).unwrap_err();
+            let fault = read_table(text, "file", 1.0, Face::Adaxial).unwrap_err();
             assert!(fault.contains(clause), "{text:?}: {fault}");
         }
-        let missing = read_spectra("nowhere/at-all.csv", 1.0).unwrap_err().to_string();
+        let missing = read_spectra("nowhere/at-all.csv", 1.0, Face::Adaxial).unwrap_err().to_string();
         assert!(missing.contains("nowhere/at-all.csv") && missing.contains("cannot be read"), "{missing}");
     }
 }

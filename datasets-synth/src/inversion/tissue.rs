@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::error::SynthError;
 use crate::instruments::spectrophotometer::Spectrophotometer;
-use crate::inversion::forward::{Forward, MAX_UNKNOWNS, Sensitivity, Unknown, Values};
+use crate::inversion::forward::{FACES, Forward, MAX_UNKNOWNS, Sensitivity, Unknown, Values, place_of};
 use crate::inversion::plates::plate_unknowns;
 use crate::leaf::model::LeafModel;
 use crate::optics::abm::abm_b::AbmB;
@@ -32,6 +32,7 @@ pub(crate) fn tissue_unknowns() -> [Unknown; 3] {
         name: "everything else that absorbs, over that of the model's leaf",
         unit: "",
         bounds: [0.0, 10.0],
+        range: [0.0, 3.0],
         start: 1.0,
         spread: 1.0,
     };
@@ -42,7 +43,8 @@ pub(crate) fn tissue_unknowns() -> [Unknown; 3] {
 pub(crate) struct TissueForward {
     unknowns: [Unknown; 3],
     bands: Vec<Band>,
-    traces: Vec<[Shares; 2]>,
+    /// Traces onto the adaxial and the abaxial face; empty for a face that is not asked for.
+    traces: [Vec<[Shares; 2]>; 2],
 }
 
 /// Wavelength of a [`TissueForward`].
@@ -55,13 +57,14 @@ struct Band {
 }
 
 impl TissueForward {
-    /// Traces `model` with `rays` rays at 8 degrees onto `face`, in parallel on the current pool.
+    /// Traces `model` with `rays` rays at 8 degrees onto those of `faces`, adaxial and abaxial, that are asked for, in
+    /// parallel on the current pool.
     ///
     /// # Errors
     /// [`SynthError::BadParameter`] for a plate model, which has nothing to trace.
     pub(crate) fn new(
         model: &LeafModel,
-        face: Face,
+        faces: [bool; 2],
         wavelengths_nm: &[f64],
         rays: u64,
         seed: u64,
@@ -70,20 +73,22 @@ impl TissueForward {
         let tissue = unit.tissue().ok_or_else(|| SynthError::BadParameter {
             name: "--model",
             value: model.name().to_owned(),
-            allowed: "plate-n, abm97, abm-b or abm-u: the contents of others cannot be told".to_owned(),
+            allowed: "plate-n, plate-two-sided, abm97, abm-b or abm-u: the contents of others cannot be told"
+                .to_owned(),
         })?;
         let (first, last) =
             wavelengths_nm.iter().fold((f64::MAX, f64::MIN), |(low, high), nm| (low.min(*nm), high.max(*nm)));
         let constant = tissue.has_constant_indices();
         let count = if constant { 1 } else { ((last - first) / TRACE_STEP_NM).ceil() as usize + 1 };
-        let beam = Spectrophotometer { face, ..Spectrophotometer::parallel() };
-        let trace = |i: usize| {
+        let trace = |face: Face, i: usize| {
+            let beam = Spectrophotometer { face, ..Spectrophotometer::parallel() };
             let nm = if constant { 550.0 } else { (first + TRACE_STEP_NM * i as f64).min(last) };
             let traced = trace_path_lengths(&tissue.stack(Nanometres(nm)), &beam, rays, seed);
             let TracedBeam { rays, reflected, transmitted, .. } = traced;
             [Shares::new(&reflected, rays as f64), Shares::new(&transmitted, rays as f64)]
         };
-        let traces: Vec<[Shares; 2]> = (0..count).into_par_iter().map(trace).collect();
+        let onto = |face: Face| (0..count).into_par_iter().map(|i| trace(face, i)).collect::<Vec<_>>();
+        let traces = FACES.map(|face| if faces[place_of(face)] { onto(face) } else { Vec::new() });
         let band = |nm: &f64| {
             let DepthParts { chlorophyll, carotenoid, rest } = tissue.depth_parts(Nanometres(*nm));
             let depths = [chlorophyll.0, carotenoid.0, rest.0];
@@ -119,14 +124,15 @@ impl Forward for TissueForward {
         &self.unknowns
     }
 
-    fn at(&self, band: usize, values: &Values) -> Sensitivity {
+    fn at(&self, band: usize, face: Face, values: &Values) -> Sensitivity {
+        let traces = &self.traces[place_of(face)];
         let Band { depths, trace, towards } = &self.bands[band];
         let depth: f64 = depths.iter().zip(values).map(|(depth, value)| depth * value).sum();
         let mut shares = [0.0; 2];
         let mut by = [[0.0; MAX_UNKNOWNS]; 2];
         for side in 0..2 {
-            let near = self.traces[*trace][side].at(depth);
-            let far = if *towards > 0.0 { self.traces[trace + 1][side].at(depth) } else { near };
+            let near = traces[*trace][side].at(depth);
+            let far = if *towards > 0.0 { traces[trace + 1][side].at(depth) } else { near };
             let [share, slope] = [0, 1].map(|i| near[i] + towards * (far[i] - near[i]));
             shares[side] = share;
             for (by, depth) in by[side].iter_mut().zip(depths) {
@@ -193,13 +199,19 @@ mod tests {
 
     const NM: [f64; 4] = [450.0, 550.0, 680.0, 760.0];
 
+    fn values_of(three: [f64; 3]) -> Values {
+        let mut values = [0.0; MAX_UNKNOWNS];
+        values[..3].copy_from_slice(&three);
+        values
+    }
+
     #[test]
     fn shares_are_those_that_the_instrument_measures() {
         for model in
             [LeafModel::Abm97(Abm97::default()), LeafModel::AbmB(AbmB::default()), LeafModel::AbmU(AbmU::default())]
         {
             let tissue = model.tissue().unwrap();
-            let forward = TissueForward::new(&model, Face::Abaxial, &NM, 100_000, 1).unwrap();
+            let forward = TissueForward::new(&model, [false, true], &NM, 100_000, 1).unwrap();
             let own = |i: usize| {
                 let [depth, unit] = [tissue, with_unit_pigments(&model).tissue().unwrap()].map(|t| {
                     let parts = t.depth_parts(Nanometres(550.0));
@@ -207,13 +219,13 @@ mod tests {
                 });
                 depth / unit
             };
-            let values = [own(0), own(1), 1.0, 0.0, 0.0, 0.0, 0.0];
+            let values = values_of([own(0), own(1), 1.0]);
             let instrument = Spectrophotometer { face: Face::Abaxial, ..Spectrophotometer::parallel() };
             let go_on = |_: usize, _: usize| ControlFlow::Continue(());
             let measured =
                 instrument.measure(tissue, &NM, Rays::Count(100_000), Method::PathLengths, 7, &go_on).unwrap();
             for (band, nm) in NM.iter().enumerate() {
-                let [r, t] = forward.at(band, &values).shares;
+                let [r, t] = forward.at(band, Face::Abaxial, &values).shares;
                 let (by_r, by_t) = (measured.reflectance[band].mean, measured.transmittance[band].mean);
                 assert!(
                     (r - by_r).abs() < 0.008 && (t - by_t).abs() < 0.008,
@@ -223,34 +235,34 @@ mod tests {
                 // Planted difference: half the chlorophyll.
                 let mut pale = values;
                 pale[0] *= 0.5;
-                let [_, other] = forward.at(band, &pale).shares;
+                let [_, other] = forward.at(band, Face::Abaxial, &pale).shares;
                 assert!(*nm != 550.0 || (other - by_t).abs() > 0.02, "{other}");
             }
         }
-        assert!(TissueForward::new(&LeafModel::Plate(PlateModel::Exact), Face::Adaxial, &NM, 10, 1).is_err());
+        assert!(TissueForward::new(&LeafModel::Plate(PlateModel::Exact), [true, false], &NM, 10, 1).is_err());
     }
 
     #[test]
     fn derivatives_are_differences_and_a_depth_beyond_the_table_is_its_end() {
-        let forward = TissueForward::new(&LeafModel::AbmB(AbmB::default()), Face::Adaxial, &NM, 20_000, 1).unwrap();
-        for values in [[30.0, 6.0, 1.0, 0.0, 0.0, 0.0, 0.0], [0.5, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]] {
+        let forward = TissueForward::new(&LeafModel::AbmB(AbmB::default()), [true, false], &NM, 20_000, 1).unwrap();
+        for values in [[30.0, 6.0, 1.0], [0.5, 0.1, 0.0]].map(values_of) {
             for band in 0..NM.len() {
                 for i in 0..3 {
                     let moved = |by: f64| {
                         let mut values = values;
                         values[i] += by;
-                        forward.at(band, &values).shares
+                        forward.at(band, Face::Adaxial, &values).shares
                     };
                     let (low, high) = (moved(0.0), moved(1e-5));
                     for side in 0..2 {
                         let expected = (high[side] - low[side]) / 1e-5;
-                        let by = forward.at(band, &values).by[side][i];
+                        let by = forward.at(band, Face::Adaxial, &values).by[side][i];
                         assert!((by - expected).abs() < 1e-4 * (1.0 + expected.abs()), "{band} {i}: {by} {expected}");
                     }
                 }
             }
         }
-        let far = forward.at(2, &[1e6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let far = forward.at(2, Face::Adaxial, &values_of([1e6, 0.0, 0.0]));
         assert!(far.by.iter().flatten().all(|by| *by == 0.0) && far.shares[1] < 1e-3, "{far:?}");
     }
 }

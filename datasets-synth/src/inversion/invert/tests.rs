@@ -1,9 +1,11 @@
 use super::*;
 use crate::instruments::spectrophotometer::{Method, Rays, Spectrophotometer};
 use crate::inversion::plates::{contents_of, values_of};
-use crate::inversion::simulated::{any_contents, simulated_spectra};
+use crate::inversion::simulated::{any_contents, normal, simulated_spectra};
 use crate::optics::abm::abm_b::AbmB;
 use crate::optics::abm::abm97::Abm97;
+use crate::optics::plates::two_halves::{TwoHalves, two_sided_spectrum};
+use crate::optics::specific_absorption::SpecificAbsorption;
 use btf_models::LeafContents;
 use rand::SeedableRng;
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -164,7 +166,8 @@ fn gaps_and_wavelengths_outside_of_the_tables_are_passed_over() {
     let mut nm = vec![350.0];
     nm.extend(&inner);
     nm.push(2600.0);
-    let mut shares = leaf.shares.clone().map(|inner| [vec![0.9], inner, vec![0.9]].concat());
+    let [r, t, ..] = leaf.shares.clone();
+    let mut shares = [r, t].map(|inner| [vec![0.9], inner, vec![0.9]].concat());
     shares[0][20..40].fill(f64::NAN);
     let gappy = LeafSpectra::new("leaf", &nm, &shares[0], &shares[1]).unwrap();
     let inverter = Inverter::new(&InversionParams::default(), &nm).unwrap();
@@ -191,9 +194,14 @@ fn an_algorithmic_models_own_pigments_are_found_from_either_face() {
                 instrument.measure(tissue, &nm, Rays::Count(100_000), Method::PathLengths, 9, &go_on).unwrap();
             let shares = [&measured.reflectance, &measured.transmittance]
                 .map(|shares| shares.iter().map(|estimate| estimate.mean).collect::<Vec<f64>>());
-            let leaf = LeafSpectra::new("leaf", &nm, &shares[0], &shares[1]).unwrap();
-            let params = InversionParams { model, face, rays: 100_000, seed: 3, ..InversionParams::default() };
-            let found = Inverter::new(&params, &nm).unwrap().invert(&leaf);
+            let of = |face: Face| match face {
+                Face::Adaxial => LeafSpectra::new("leaf", &nm, &shares[0], &shares[1]).unwrap(),
+                Face::Abaxial => LeafSpectra::of_faces("leaf", &nm, [&[], &[], &shares[0], &shares[1]]).unwrap(),
+            };
+            let params =
+                InversionParams { model, faces: [true; 2], rays: 100_000, seed: 3, ..InversionParams::default() };
+            let inverter = Inverter::new(&params, &nm).unwrap();
+            let found = inverter.invert(&of(face));
             assert!(
                 (found.values[0] / own - 1.0).abs() < 0.06,
                 "{} {face:?}: {} of {own}",
@@ -202,8 +210,71 @@ fn an_algorithmic_models_own_pigments_are_found_from_either_face() {
             );
             // Planted difference: the other face is another leaf.
             let other = if face == Face::Adaxial { Face::Abaxial } else { Face::Adaxial };
-            let turned = Inverter::new(&InversionParams { face: other, ..params }, &nm).unwrap().invert(&leaf);
-            assert!(turned.rmse[0].unwrap() > 4.0 * found.rmse[0].unwrap(), "{turned:?}");
+            let turned = inverter.invert(&of(other));
+            let rmse = |found: &Inversion| found.rmse.into_iter().flatten().next().unwrap();
+            assert!(rmse(&turned) > 4.0 * rmse(&found), "{turned:?}");
         }
+    }
+}
+
+/// Returns a leaf of two halves with noise of standard deviation `noise`, from the faces that are wanted.
+fn faces_of(
+    halves: &TwoHalves,
+    contents: &LeafContents,
+    nm: &[f64],
+    noise: f64,
+    random: &mut Xoshiro256PlusPlus,
+) -> LeafSpectra {
+    let mut shares: [Vec<f64>; SHARES] = Default::default();
+    for (place, face) in FACES.into_iter().enumerate() {
+        let table = SpecificAbsorption::ProspectD;
+        for optics in two_sided_spectrum(halves, table, contents, PROSPECT_CONE_DEG, face, nm).unwrap() {
+            shares[2 * place].push(optics.reflectance + noise * normal(random));
+            shares[2 * place + 1].push(optics.transmittance + noise * normal(random));
+        }
+    }
+    LeafSpectra::of_faces("leaf", nm, shares.each_ref().map(Vec::as_slice)).unwrap()
+}
+
+#[test]
+fn both_faces_tell_how_contents_divide_between_the_halves() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(10);
+    let nm = evenly(400.0, 2500.0, 10.0);
+    let params = InversionParams { model: LeafModel::TwoSided(TwoHalves::default()), ..InversionParams::default() };
+    let inverter = Inverter::new(&params, &nm).unwrap();
+    let plain = Inverter::new(&InversionParams::default(), &nm).unwrap();
+    let (mut squares, mut by_plates, mut layers, count) = (0.0, 0.0, 0.0, 40);
+    for _ in 0..count {
+        let leaf = LeafContents { structure: 1.6, ..any_contents(&mut random) };
+        let halves = TwoHalves { layers: 0.7, pigments: 0.85, body: 0.7 };
+        let exact = inverter.invert(&faces_of(&halves, &leaf, &nm, 0.0, &mut random));
+        assert!(exact.rmse.iter().flatten().all(|rmse| *rmse < 2e-3), "{leaf:?} {exact:?}");
+        let noisy = faces_of(&halves, &leaf, &nm, 0.01, &mut random);
+        let (found, plates) = (inverter.invert(&noisy), plain.invert(&noisy));
+        squares += (found.values[0] - leaf.chlorophyll_ug_per_cm2).powi(2);
+        by_plates += (plates.values[0] - leaf.chlorophyll_ug_per_cm2).powi(2);
+        layers += (found.values[7] - halves.layers).powi(2);
+        // The planted difference: one pile cannot be both faces.
+        assert!(plates.rmse[2] > found.rmse[2], "{plates:?}");
+    }
+    let [rms, plates, layers] = [squares, by_plates, layers].map(|x| f64::sqrt(x / f64::from(count)));
+    assert!(rms < 2.5 && plates > rms && layers < 0.1, "{rms} {plates} {layers}");
+}
+
+#[test]
+fn one_face_leaves_the_halves_as_they_are_and_says_so() {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(11);
+    let nm = evenly(400.0, 2500.0, 10.0);
+    let params = InversionParams { model: LeafModel::TwoSided(TwoHalves::default()), ..InversionParams::default() };
+    let inverter = Inverter::new(&params, &nm).unwrap();
+    let leaf = LeafContents { anthocyanin_ug_per_cm2: 1.0, brown: 0.05, ..LeafContents::default() };
+    let both = faces_of(&TwoHalves::default(), &leaf, &nm, 0.001, &mut random);
+    let [r, t, back_r, back_t] = &both.shares;
+    for shares in [[&r[..], &t[..], &[], &[]], [&[], &[], &back_r[..], &back_t[..]]] {
+        let found = inverter.invert(&LeafSpectra::of_faces("leaf", &nm, shares).unwrap());
+        assert!((found.values[0] - 40.0).abs() < 1.0, "{found:?}");
+        assert_eq!((found.states[7], found.values[7..].to_vec()), (State::Untold, vec![0.9, 0.99, 0.95]));
+        let remarks = found.remarks.iter().filter(|remark| remark.contains("both faces")).count();
+        assert_eq!((remarks, found.remarks.len()), (1, 1), "{:?}", found.remarks);
     }
 }

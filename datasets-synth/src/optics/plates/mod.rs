@@ -2,6 +2,7 @@
 
 pub(crate) mod body;
 pub(crate) mod exact;
+pub(crate) mod halves_slopes;
 pub(crate) mod model;
 pub(crate) mod paper;
 pub(crate) mod pile;

@@ -59,6 +59,47 @@ impl LitSurface {
         LitSurface { faces: DiffuseFaces::new(index), entering: 1.0 }
     }
 
+    /// Returns a pile of `count >= 0` layers of absorption `k >= 0` under diffuse light, as it is within the leaf, with its
+    /// derivatives.
+    pub(crate) fn diffuse_pile(&self, k: f64, count: f64) -> PlateSlopes {
+        let [theta, slope] = theta_with_slope(k.max(MIN_ABSORPTION));
+        let LayerSlopes { layers, under_diffuse, .. } = layer_slopes(theta, self.faces);
+        let pile = pile_slopes(&layers, under_diffuse, count);
+        let by_theta = pile.by_absorption;
+        PlateSlopes {
+            optics: match k < MIN_ABSORPTION {
+                true => Layers::new(theta_with_slope(k)[0], self.faces).pile(count),
+                false => pile.optics,
+            },
+            by_absorption: PlateOptics {
+                reflectance: slope * by_theta.reflectance,
+                transmittance: slope * by_theta.transmittance,
+            },
+            ..pile
+        }
+    }
+
+    /// Returns the shares of the incident light of a body whose shares under diffuse light are `body`, of which the face
+    /// that is lit is a part; what less than one layer reflects below its own surface is none.
+    pub(crate) fn uncovered(&self, body: PlateOptics) -> PlateOptics {
+        let PlateOptics { reflectance, transmittance } = body;
+        let inside = ((reflectance - (1.0 - self.faces.entry)) / self.faces.entry).max(0.0);
+        PlateOptics {
+            reflectance: (1.0 - self.entering) + self.entering * inside,
+            transmittance: self.entering * transmittance / self.faces.entry,
+        }
+    }
+
+    /// Returns a derivative of [`LitSurface::uncovered`] from that of the body.
+    pub(crate) fn uncovered_by(&self, body: PlateOptics, by: PlateOptics) -> PlateOptics {
+        let scale = self.entering / self.faces.entry;
+        let is_inside = body.reflectance > 1.0 - self.faces.entry;
+        PlateOptics {
+            reflectance: if is_inside { scale * by.reflectance } else { 0.0 },
+            transmittance: scale * by.transmittance,
+        }
+    }
+
     /// Returns the whole leaf with its derivatives. `k >= 0` is the absorption of one layer, `structure >= 1`.
     pub(crate) fn slopes(&self, k: f64, structure: f64) -> PlateSlopes {
         let [theta, slope] = theta_with_slope(k.max(MIN_ABSORPTION));
@@ -84,17 +125,35 @@ impl LitSurface {
     }
 }
 
-/// Returns the shares of the light that has entered, with their derivatives; `by_absorption` is by theta.
-fn inside_slopes(theta: f64, faces: DiffuseFaces, structure: f64) -> PlateSlopes {
-    let layers = Layers::new(theta, faces);
+/// A layer with its derivatives by theta.
+struct LayerSlopes {
+    layers: Layers,
+    /// Reflectance and transmittance under diffuse light, by theta.
+    under_diffuse: [f64; 2],
+    /// The layer lit from outside, and its reflectance and transmittance by theta.
+    first: PlateOptics,
+    first_by: [f64; 2],
+}
+
+fn layer_slopes(theta: f64, faces: DiffuseFaces) -> LayerSlopes {
     let first = plate_inside_of(theta, faces);
     let back = theta * faces.inner_reflectance();
     let through = 1.0 - back * back;
-    // Derivatives by theta of the first layer lit from outside, then of a layer under diffuse light.
     let first_t = faces.exit * (1.0 + back * back) / (through * through);
     let first_r = faces.inner_reflectance() * first.transmittance + back * first_t;
+    LayerSlopes {
+        layers: Layers::new(theta, faces),
+        under_diffuse: [faces.entry * first_r, faces.entry * first_t],
+        first,
+        first_by: [first_r, first_t],
+    }
+}
+
+/// Returns the shares of the light that has entered, with their derivatives; `by_absorption` is by theta.
+fn inside_slopes(theta: f64, faces: DiffuseFaces, structure: f64) -> PlateSlopes {
+    let LayerSlopes { layers, under_diffuse: [r_by, t_by], first, first_by: [first_r, first_t] } =
+        layer_slopes(theta, faces);
     let Layers { r, t, .. } = layers;
-    let (r_by, t_by) = (faces.entry * first_r, faces.entry * first_t);
     let count = structure - 1.0;
     let rest = pile_slopes(&layers, [r_by, t_by], count);
     let between = 1.0 / (1.0 - rest.optics.reflectance * r);
