@@ -102,7 +102,7 @@ fn what_cannot_be_inverted_is_refused_in_one_sentence() {
         (vec!["invert", table, "--hold", "wet=1"], 2, "cab, car, cant, cbrown, cw, cm, n"),
         (vec!["invert", table, "--hold", "cw=much"], 2, "--hold cw=much"),
         (vec!["invert", table, "--hold", "cw=3"], 2, "water is 3"),
-        (vec!["invert", table, "--model", "plate-paper"], 2, "plate-n, abm97, abm-b or abm-u"),
+        (vec!["invert", table, "--model", "plate-paper"], 2, "plate-n, plate-two-sided, abm97, abm-b or abm-u"),
         (vec!["invert", table, "--cone-deg", "91"], 2, "0 to 90"),
         (vec!["invert", table, "--csv", "no/such/folder/x.csv"], 1, "no/such/folder"),
         (vec!["invert", "--capture", "nowhere"], 2, "--out"),
