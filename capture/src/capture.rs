@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::colour::transfer::Transfer;
 use crate::error::CaptureError;
+use crate::images::bands::{BandSums, Weighing};
 use crate::images::corrections::{Corrections, Light, MIN_FLAT, linear, nearest_valid};
 use crate::images::decoded::{DecodedImage, ImageFault, MIN_LINEAR, Samples};
 use crate::images::file_format::{self, FileFormat};
@@ -31,6 +32,8 @@ pub struct Capture {
     pub(crate) images: Arc<Images>,
     info: CaptureInfo,
     corrections: Arc<Corrections>,
+    /// What becomes of the bands of spectral images.
+    pub(crate) weighing: Weighing,
     /// Size of the files, which is that of the images unless they are rectified.
     photograph: Option<(usize, usize)>,
     snapped: Option<Snapped>,
@@ -60,8 +63,8 @@ pub(crate) enum Images {
     },
     /// One UBO2014 file that all images are computed from.
     Container(Box<Container>),
-    /// Linear values in memory, `[pair, texel, channel]`.
-    Memory(Vec<f32>),
+    /// Linear values in memory, `[pair, texel, channel]`; channels are bands where there are wavelengths.
+    Memory { values: Vec<f32>, wavelengths_nm: Vec<f64> },
 }
 
 /// Pixels of one image, row-major from the top left, `[texel, channel]`, three channels.
@@ -112,14 +115,14 @@ impl Capture {
         }
     }
 
-    /// Makes a capture of linear images in memory: reflectance x cosine `[view, light, texel, channel]`, three channels,
-    /// texels row by row from the top left. The format of `info` is [`ImageFormat::Exr`].
+    /// Makes a capture of linear images in memory: reflectance x cosine `[view, light, texel, channel]`, three channels or the
+    /// bands of `info`, texels row by row from the top left. The format of `info` is [`ImageFormat::Exr`].
     ///
     /// # Errors
     /// [`CaptureError::BadImages`] for another number of values than `info` has, [`CaptureError::BadSides`]. Values are
     /// checked when they are read.
     pub fn from_linear(info: CaptureInfo, images: Vec<f32>) -> Result<Capture, CaptureError> {
-        let expected = info.pair_count() * info.texel_count() * 3;
+        let expected = info.pair_count() * info.texel_count() * info.channels();
         if info.texel_count() == 0 {
             let reason = format!("{} columns and {} rows: give at least one texel", info.width, info.height);
             return Err(CaptureError::BadImages { reason });
@@ -132,10 +135,15 @@ impl Capture {
             return Err(CaptureError::BadImages { reason });
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: info.name.clone(), reason })?;
+        let wavelengths_nm = info.wavelengths_nm.clone();
+        if wavelengths_nm.windows(2).any(|pair| pair[0].partial_cmp(&pair[1]) != Some(std::cmp::Ordering::Less)) {
+            return Err(CaptureError::BadImages { reason: "its wavelengths do not ascend".into() });
+        }
         Ok(Capture {
-            images: Arc::new(Images::Memory(images)),
+            images: Arc::new(Images::Memory { values: images, wavelengths_nm }),
             info,
             corrections: Arc::default(),
+            weighing: Weighing::default(),
             photograph: None,
             snapped: None,
         })
@@ -165,7 +173,14 @@ impl Capture {
         }
         info.check_sides().map_err(|reason| CaptureError::BadSides { path: path.display().to_string(), reason })?;
         let images = Arc::new(Images::Container(Box::new(container)));
-        let capture = Capture { images, info, corrections: Arc::new(corrections), photograph: None, snapped: None };
+        let capture = Capture {
+            images,
+            info,
+            corrections: Arc::new(corrections),
+            weighing: Weighing::default(),
+            photograph: None,
+            snapped: None,
+        };
         capture.read(0, 0)?;
         Ok(capture)
     }
@@ -228,11 +243,19 @@ impl Capture {
             source.names()[file].rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"))
         });
         let images = Arc::new(Images::Files { source, format: grid.format, shots: grid.shots, merged });
-        let mut capture = Capture { images, info, corrections: Arc::default(), photograph: None, snapped };
+        let mut capture = Capture {
+            images,
+            info,
+            corrections: Arc::default(),
+            weighing: Weighing::default(),
+            photograph: None,
+            snapped,
+        };
         let pair = capture.info.present_pairs().next().unwrap_or(0);
         let (view, light) = (pair / capture.info.lights.len(), pair % capture.info.lights.len());
         let first = capture.decode(view, light, None)?;
         (capture.info.width, capture.info.height) = (first.width, first.height);
+        capture.info.wavelengths_nm = first.wavelengths_nm;
         // Calibration images are of the files' size, a mask of the texels'.
         capture.photograph = Some((first.width, first.height));
         if let Some([width, height]) = reading.rectified {
@@ -324,7 +347,7 @@ impl Capture {
     /// Returns what a UBO2014 file says beyond the [`CaptureInfo`]; `None` for captures of image files.
     pub fn container(&self) -> Option<&ContainerInfo> {
         match &*self.images {
-            Images::Files { .. } | Images::Memory(_) => None,
+            Images::Files { .. } | Images::Memory { .. } => None,
             Images::Container(container) => Some(container.info()),
         }
     }
@@ -343,7 +366,7 @@ impl Capture {
             Images::Container(container) => {
                 format!("{}: {}", container.path().display(), self.pair_words(pair))
             }
-            Images::Memory(_) => format!("{}: {}", self.info.name, self.pair_words(pair)),
+            Images::Memory { .. } => format!("{}: {}", self.info.name, self.pair_words(pair)),
         }
     }
 
@@ -390,10 +413,64 @@ impl Capture {
             let lit = shots.iter().map(lit_of).collect::<Result<Vec<_>, CaptureError>>()?;
             let samples = Samples::F32(self.corrections.merge(&lit));
             let (width, height) = (self.info.width, self.info.height);
-            return self.pixels(view, light, DecodedImage { width, height, samples });
+            return self.pixels(view, light, DecodedImage::rgb(width, height, samples));
         }
         let image = self.decode(view, light, size)?;
         self.pixels(view, light, image)
+    }
+
+    /// Returns this spectral capture with three channels that are weighted sums of its bands, `weights[band][channel]` in
+    /// the order of [`CaptureInfo::wavelengths_nm`], in place of the colours under D65. Sums below [`MIN_LINEAR`] are
+    /// clamped to it, as such colours are. The result has no bands any more.
+    ///
+    /// # Errors
+    /// [`CaptureError::NotSpectral`] for a capture without bands, and for one whose photographs are corrected by black
+    /// level, flat field, exposures or rectification, which are taken in colours.
+    ///
+    /// # Panics
+    /// If there are more or fewer weights than bands.
+    pub fn through(&self, weights: &[[f32; 3]]) -> Result<Capture, CaptureError> {
+        let wavelengths_nm = self.bands()?.to_vec();
+        assert_eq!(weights.len(), wavelengths_nm.len(), "weights for each band");
+        let sums = BandSums { wavelengths_nm, weights: weights.to_vec() };
+        let mut capture = Capture { weighing: Weighing::Sums(Arc::new(sums)), ..self.clone() };
+        capture.info.wavelengths_nm = Vec::new();
+        Ok(capture)
+    }
+
+    /// Returns the wavelengths of a capture whose bands can be had.
+    fn bands(&self) -> Result<&[f64], CaptureError> {
+        let not = |reason: &str| CaptureError::NotSpectral { name: self.info.name.clone(), reason: reason.into() };
+        if self.info.wavelengths_nm.is_empty() {
+            return Err(not("its images have no bands"));
+        }
+        if matches!(&*self.images, Images::Files { merged: Some(_), .. }) {
+            return Err(not(
+                "its images are corrected by black level, flat field, exposures or maps, which are taken in \
+                            colours; give images that are corrected already",
+            ));
+        }
+        Ok(&self.info.wavelengths_nm)
+    }
+
+    /// Reads all bands of one image, reflectance x cosine `[texel, band]`, in the order of
+    /// [`CaptureInfo::wavelengths_nm`]. Values below [`MIN_LINEAR`] are clamped to it.
+    ///
+    /// # Errors
+    /// Those of [`Capture::read`] and [`Capture::through`].
+    ///
+    /// # Panics
+    /// If `view` or `light` is out of range.
+    pub fn read_bands(&self, view: usize, light: usize) -> Result<Vec<f32>, CaptureError> {
+        self.bands()?;
+        let whole = Capture { weighing: Weighing::Bands, ..self.clone() };
+        match whole.read(view, light)? {
+            Pixels::Linear(values) => Ok(values),
+            Pixels::Encoded8(_) => Err(CaptureError::NotSpectral {
+                name: self.info.name.clone(),
+                reason: "its images are of 8 bits".into(),
+            }),
+        }
     }
 
     fn pair(&self, view: usize, light: usize) -> usize {
@@ -410,15 +487,31 @@ impl Capture {
                 None => return Err(CaptureError::NoImage { path: self.path_of(view, light) }),
             },
             Images::Container(container) => container.image(view, light),
-            Images::Memory(images) => {
-                let (width, height) = (self.info.width, self.info.height);
-                let values = width * height * 3;
-                let samples = Samples::F32(images[pair * values..(pair + 1) * values].to_vec());
-                DecodedImage { width, height, samples }
+            Images::Memory { values, wavelengths_nm } => {
+                let count = values.len() / self.info.pair_count();
+                self.of_memory(&values[pair * count..(pair + 1) * count], wavelengths_nm)?
             }
         };
         self.corrections.place(&mut image);
         Ok(image)
+    }
+
+    /// Returns an image in memory whose channels are bands if it has wavelengths.
+    fn of_memory(&self, stored: &[f32], wavelengths_nm: &[f64]) -> Result<DecodedImage, CaptureError> {
+        let (width, height) = (self.info.width, self.info.height);
+        if wavelengths_nm.is_empty() {
+            return Ok(DecodedImage::rgb(width, height, Samples::F32(stored.to_vec())));
+        }
+        let bands = self.weighing.of(wavelengths_nm).map_err(|fault| {
+            let reason = if let ImageFault::Damaged(reason) = fault { reason } else { "their size differs".into() };
+            CaptureError::BadImages { reason }
+        })?;
+        let mut values = vec![0.0; width * height * bands.channels];
+        for band in 0..wavelengths_nm.len() {
+            bands.add(band, stored[band..].iter().step_by(wavelengths_nm.len()).copied(), &mut values);
+        }
+        let (channels, wavelengths_nm) = (bands.channels, bands.wavelengths_nm);
+        Ok(DecodedImage { width, height, channels, wavelengths_nm, samples: Samples::Computed(values) })
     }
 
     fn decode_file(
@@ -432,7 +525,7 @@ impl Capture {
         let limit =
             size.map_or(MAX_FILE_BYTES, |(width, height)| FREE_FILE_BYTES + (width * height) as u64 * per_texel);
         let bytes = source.read(file, limit)?;
-        file_format::decode(&bytes, format, size).map_err(|fault| {
+        file_format::decode(&bytes, format, size, &self.weighing).map_err(|fault| {
             let path = source.shown(file);
             match fault {
                 ImageFault::Damaged(reason) => CaptureError::BadImage { path, reason },
@@ -445,6 +538,7 @@ impl Capture {
     }
 
     fn pixels(&self, view: usize, light: usize, image: DecodedImage) -> Result<Pixels, CaptureError> {
+        let channels = image.channels;
         let factor = self.info.linear_factor(light);
         let linear = match image.samples {
             Samples::U8(values) => return Ok(Pixels::Encoded8(values)),
@@ -468,9 +562,9 @@ impl Capture {
             return Err(CaptureError::BadValue {
                 path: self.path_of(view, light),
                 value: linear[at],
-                column: at / 3 % self.info.width,
-                row: at / 3 / self.info.width,
-                channel: at % 3,
+                column: at / channels % self.info.width,
+                row: at / channels / self.info.width,
+                channel: at % channels,
             });
         }
         Ok(Pixels::Linear(linear))

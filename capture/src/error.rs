@@ -146,6 +146,14 @@ pub enum CaptureError {
         /// The folder or archive.
         path: String,
     },
+    /// A capture whose bands are asked for, and which has none.
+    #[error("{name} is no capture in spectral bands: {reason}")]
+    NotSpectral {
+        /// Name of the capture.
+        name: String,
+        /// Why it has none, and the remedy.
+        reason: String,
+    },
     /// A pair without an image was asked for.
     #[error("{path} has no image; the capture is incomplete")]
     NoImage {

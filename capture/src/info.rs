@@ -77,7 +77,6 @@ pub enum ImageFormat {
 /// Lambertian surface lit at normal incidence. To get it from a file value, undo `transfer`, multiply by `scale`, and
 /// where `cosine` is [`Cosine::Excluded`] multiply by |cos theta_i|. Images and directions are in the frame of the face
 /// that is seen, see [`Side`].
-/// |cos theta_i|. Images and directions are in the frame of the face that is seen, see [`Side`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct CaptureInfo {
     /// Width of every image in texels.
@@ -100,6 +99,8 @@ pub struct CaptureInfo {
     pub size_mm: Option<[f32; 2]>,
     /// Format of the images; [`ImageFormat::Exr`] stands for all linear formats, Radiance and UBO2014 files included.
     pub format: ImageFormat,
+    /// Wavelengths of the bands in nanometres, ascending; empty where images are colours.
+    pub wavelengths_nm: Vec<f64>,
     /// Pairs that have no image, `view * lights + light`, ascending. Empty unless the capture says that it is incomplete.
     pub missing: Vec<usize>,
     /// Short name for people.
@@ -130,6 +131,7 @@ impl CaptureInfo {
             side: Side::Front,
             size_mm: None,
             format,
+            wavelengths_nm: Vec::new(),
             missing: Vec::new(),
             name: name.into(),
             provenance: String::new(),
@@ -182,6 +184,11 @@ impl CaptureInfo {
             found[*pair] = nearest.copied().unwrap_or(*pair);
         }
         found
+    }
+
+    /// Returns the number of values of a texel in files: the bands, or three.
+    pub fn channels(&self) -> usize {
+        if self.wavelengths_nm.is_empty() { 3 } else { self.wavelengths_nm.len() }
     }
 
     /// Returns the number of texels of one image.

@@ -67,6 +67,7 @@ pub use colour::spectrum::{rgb_of, rgb_weights};
 pub use colour::transfer::Transfer;
 pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use error::CaptureError;
+pub use images::bands::MAX_BANDS;
 pub use images::decoded::MIN_LINEAR;
 pub use images::encode8::Encoder8;
 pub use images::radiance_map::RadianceMap;

@@ -2,6 +2,7 @@
 
 use crate::capture::{Capture, Images};
 use crate::error::CaptureError;
+use crate::images::bands::Weighing;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
 
@@ -28,7 +29,7 @@ impl FileStamp {
 
 impl Capture {
     /// Returns the name, size and time of every file that the capture is read from, `capture.toml` and lists among
-    /// them, sorted by name. Two calls return the same only if the capture did not change in between, unless somebody
+    /// them, sorted by name, and of the weights of [`Capture::through`]. Two calls return the same only if the capture did not change in between, unless somebody
     /// set the clock back. A capture in memory has one, with a hash of its values for the time.
     ///
     /// # Errors
@@ -36,6 +37,16 @@ impl Capture {
     ///
     /// Cost: a look at each file's entry, a few milliseconds for 6561 of them.
     pub fn stamps(&self) -> Result<Vec<FileStamp>, CaptureError> {
+        let mut stamps = self.stamps_of_files()?;
+        if let Weighing::Sums(sums) = &self.weighing {
+            let weights = sums.weights.as_flattened();
+            let (bytes, modified_ns) = (4 * weights.len() as u64, hash_of(weights));
+            stamps.push(FileStamp { name: "weights of the bands".into(), bytes, modified_ns });
+        }
+        Ok(stamps)
+    }
+
+    fn stamps_of_files(&self) -> Result<Vec<FileStamp>, CaptureError> {
         let own_name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         match &*self.images {
             Images::Files { source, .. } => match source.archive() {
@@ -53,14 +64,18 @@ impl Capture {
                 }
                 Ok(stamps)
             }
-            Images::Memory(values) => {
-                // FNV-1a over the bits, in place of a time.
-                let hash = |hash: u64, value: &f32| (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3);
-                let modified_ns = values.iter().fold(0xcbf2_9ce4_8422_2325, hash);
+            Images::Memory { values, .. } => {
+                let modified_ns = hash_of(values);
                 Ok(vec![FileStamp { name: self.info().name.clone(), bytes: 4 * values.len() as u64, modified_ns }])
             }
         }
     }
+}
+
+/// Returns the FNV-1a hash of the bits of `values`, in place of a time.
+fn hash_of(values: &[f32]) -> u64 {
+    let hash = |hash: u64, value: &f32| (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3);
+    values.iter().fold(0xcbf2_9ce4_8422_2325, hash)
 }
 
 #[cfg(test)]

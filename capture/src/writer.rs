@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use crate::atomic::{StagedFolder, sync_folder};
+use crate::colour::spectrum::PLAUSIBLE_NM;
 use crate::error::CaptureError;
+use crate::images::bands::MAX_BANDS;
 use crate::images::decoded::MIN_LINEAR;
 use crate::images::encode8::Encoder8;
 use crate::images::{decoded, exr, file_format};
@@ -54,12 +56,13 @@ impl CaptureWriter {
         &self.info
     }
 
-    /// Writes one image of reflectance x cosine, `linear[texel, channel]`. 8-bit formats round and clamp to the range
+    /// Writes one image of reflectance x cosine, `linear[texel, channel]`: three channels, or the bands of the description,
+    /// which are written as EXR files with a channel for each wavelength. 8-bit formats round and clamp to the range
     /// of the curve; EXR keeps negatives down to -0.1 and clamps below that and above 65504, the largest half. Writing
     /// a pair again replaces its image.
     ///
     /// # Errors
-    /// [`CaptureError::BadOutput`] if `linear` is not texels x 3 long or holds a NaN or infinity,
+    /// [`CaptureError::BadOutput`] if `linear` is not texels x channels long or holds a NaN or infinity,
     /// [`CaptureError::Write`] (a full disk says so).
     ///
     /// # Panics
@@ -70,20 +73,24 @@ impl CaptureWriter {
         let relative = self.relative_path(view, light);
         let final_path = self.path.join(&relative);
         let refused = |reason: String| CaptureError::BadOutput { path: final_path.clone(), reason };
-        if linear.len() != info.texel_count() * 3 {
-            let reason =
-                format!("it got {} values for {} x {} texels of 3 channels", linear.len(), info.width, info.height);
+        let channels = info.channels();
+        if linear.len() != info.texel_count() * channels {
+            let (got, width, height) = (linear.len(), info.width, info.height);
+            let reason = format!("it got {got} values for {width} x {height} texels of {channels} channels");
             return Err(refused(reason));
         }
         if let Some(at) = linear.iter().position(|value| !value.is_finite()) {
-            let reason = format!("texel {} has the value {}; values must be finite", at / 3, linear[at]);
+            let reason = format!("texel {} has the value {}; values must be finite", at / channels, linear[at]);
             return Err(refused(reason));
         }
         let bytes = match info.format {
             ImageFormat::Exr => {
                 let factor = info.linear_factor(light);
                 let values: Vec<f32> = linear.iter().map(|&x| file_linear(x.max(MIN_LINEAR), factor)).collect();
-                exr::encode(&values, info.width, info.height)
+                match info.wavelengths_nm.is_empty() {
+                    true => exr::encode(&values, info.width, info.height),
+                    false => exr::encode_bands(&values, &info.wavelengths_nm, info.width, info.height),
+                }
             }
             format => {
                 let mut pixels = vec![0; linear.len()];
@@ -166,6 +173,14 @@ fn check_info(info: &CaptureInfo) -> Result<(), String> {
     decoded::check_size(info.width, info.height, None).map_err(|_| {
         format!("{} x {} texels cannot be written; give 1 to {}", info.width, info.height, decoded::MAX_TEXELS)
     })?;
+    if !info.wavelengths_nm.is_empty() && info.format != ImageFormat::Exr {
+        return Err(format!("bands are written as EXR files, not as {}", info.format));
+    }
+    let ascend = |pair: &[f64]| pair[0] < pair[1];
+    let plausible = info.wavelengths_nm.iter().all(|nm| PLAUSIBLE_NM.contains(nm));
+    if !plausible || !info.wavelengths_nm.windows(2).all(ascend) || info.wavelengths_nm.len() > MAX_BANDS {
+        return Err(format!("its bands are not 1 to {MAX_BANDS} ascending wavelengths from 100 to 20,000 nm"));
+    }
     if info.format == ImageFormat::Exr && info.transfer != crate::Transfer::Linear {
         return Err(format!("EXR images are linear, so the curve cannot be {}; use linear", info.transfer));
     }

@@ -3,11 +3,15 @@
 use crate::colour::cie;
 
 /// Range of wavelengths in nanometres that a channel's name may stand for: what optical instruments measure.
-const PLAUSIBLE_NM: std::ops::RangeInclusive<f64> = 100.0..=20_000.0;
+pub(crate) const PLAUSIBLE_NM: std::ops::RangeInclusive<f64> = 100.0..=20_000.0;
 
-/// Returns the wavelength in nanometres that a channel's name states: a number, with or without `nm` behind it.
+/// Returns the wavelength in nanometres that a channel's name states: a number, with or without `nm` behind it, or as
+/// spectral EXR files name reflectances, `T.550,5nm` [Fichet 2021].
 pub(crate) fn wavelength_nm(name: &str) -> Option<f64> {
     let name = name.trim_matches(|c: char| c.is_whitespace() || c == '\0');
+    let (name, decimal) =
+        name.strip_prefix("T.").map_or((name, name.to_owned()), |rest| (rest, rest.replace(',', ".")));
+    let name = if decimal == name { name } else { &decimal };
     let number = name.strip_suffix("nm").unwrap_or(name).trim_end();
     let plain = number.starts_with(|c: char| c.is_ascii_digit())
         && number.len() <= 24

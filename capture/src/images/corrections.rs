@@ -39,16 +39,17 @@ impl Corrections {
     /// Turns the rows and fills masked texels of file values, in place.
     pub fn place(&self, image: &mut DecodedImage) {
         self.turn(image);
+        let channels = image.channels;
         match &mut image.samples {
-            Samples::U8(values) => self.fill(values),
-            Samples::U16(values) => self.fill(values),
-            Samples::F32(values) | Samples::Computed(values) => self.fill(values),
+            Samples::U8(values) => self.fill(values, channels),
+            Samples::U16(values) => self.fill(values, channels),
+            Samples::F32(values) | Samples::Computed(values) => self.fill(values, channels),
         }
     }
 
     /// Turns the rows of a file, in place.
     pub fn turn(&self, image: &mut DecodedImage) {
-        let row = 3 * image.width;
+        let row = image.channels * image.width;
         match &mut image.samples {
             _ if !self.rows_up => {}
             Samples::U8(values) => turn_rows(values, row),
@@ -57,11 +58,11 @@ impl Corrections {
         }
     }
 
-    fn fill<T: Copy>(&self, values: &mut [T]) {
+    fn fill<T: Copy>(&self, values: &mut [T], channels: usize) {
         for (texel, from) in self.stand_ins.iter().flatten().enumerate() {
             let from = *from as usize;
             if from != texel {
-                values.copy_within(3 * from..3 * from + 3, 3 * texel);
+                values.copy_within(channels * from..channels * (from + 1), channels * texel);
             }
         }
     }
@@ -97,7 +98,7 @@ impl Corrections {
                 if value < MIN_LINEAR { MIN_LINEAR } else { value }
             })
             .collect();
-        self.fill(&mut merged);
+        self.fill(&mut merged, 3);
         merged
     }
 
@@ -166,7 +167,7 @@ mod tests {
     use super::*;
 
     fn image(samples: Samples) -> DecodedImage {
-        DecodedImage { width: 2, height: 2, samples }
+        DecodedImage::rgb(2, 2, samples)
     }
 
     #[test]

@@ -7,7 +7,7 @@ pub(crate) const MAX_TEXELS: usize = 1 << 26;
 /// Most negative linear value that is accepted as a colour outside the gamut; an image with a lower value is refused.
 pub const MIN_LINEAR: f32 = -0.1;
 
-/// File values of a decoded image, `[texel, channel]`, three channels.
+/// File values of a decoded image, `[texel, channel]`.
 #[derive(Debug)]
 pub(crate) enum Samples {
     U8(Vec<u8>),
@@ -24,7 +24,18 @@ pub(crate) enum Samples {
 pub(crate) struct DecodedImage {
     pub width: usize,
     pub height: usize,
+    /// Channels of a texel: three, or as many as there are bands where these were asked for.
+    pub channels: usize,
+    /// Wavelengths of the file's bands in nanometres, ascending; empty for colours.
+    pub wavelengths_nm: Vec<f64>,
     pub samples: Samples,
+}
+
+impl DecodedImage {
+    /// Returns an image of three channels that are no bands.
+    pub(crate) fn rgb(width: usize, height: usize, samples: Samples) -> DecodedImage {
+        DecodedImage { width, height, channels: 3, wavelengths_nm: Vec::new(), samples }
+    }
 }
 
 /// Reason why an image was not decoded.

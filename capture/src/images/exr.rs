@@ -8,11 +8,13 @@ use exr::image::{FlatSamples, IntoSample};
 use exr::meta::MetaData;
 use exr::meta::header::Header;
 use exr::prelude::{
-    Encoding, Image, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, Vec2, WritableImage,
+    AnyChannel, AnyChannels, Encoding, Image, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, Vec2,
+    WritableImage,
 };
 use half::f16;
 
-use crate::colour::spectrum::{rgb_of, rgb_weights, wavelength_nm};
+use crate::colour::spectrum::wavelength_nm;
+use crate::images::bands::Weighing;
 use crate::images::decoded::{DecodedImage, ImageFault, MAX_TEXELS, Samples, check_size};
 
 /// Largest value that half precision holds; larger values are written as this one.
@@ -24,12 +26,16 @@ const MAX_SPECTRAL_SAMPLES: usize = 4 * MAX_TEXELS;
 /// Decodes channels R, G and B of the first layer that has them, with any sample type and any lossless compression of
 /// the format. Where no layer has them, the first layer whose channels are named by wavelengths in nanometres is read
 /// as a spectrum of reflectances.
-pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<DecodedImage, ImageFault> {
+pub(crate) fn decode(
+    bytes: &[u8],
+    expected: Option<(usize, usize)>,
+    weighing: &Weighing,
+) -> Result<DecodedImage, ImageFault> {
     // The header is looked at first, because the reader allocates by it.
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(ImageFault::damaged)?;
     let has = |header: &Header, name: &str| header.channels.list.iter().any(|channel| channel.name.eq(name));
     let Some(header) = meta.headers.iter().find(|header| ["R", "G", "B"].iter().all(|name| has(header, name))) else {
-        return decode_spectrum(bytes, &meta, expected);
+        return decode_spectrum(bytes, &meta, expected, weighing);
     };
     let (width, height) = (header.layer_size.width(), header.layer_size.height());
     check_size(width, height, expected)?;
@@ -63,7 +69,7 @@ pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<D
     if values.len() != width * height * 3 {
         return Err(ImageFault::damaged("its layers contradict each other"));
     }
-    Ok(DecodedImage { width, height, samples: Samples::F32(values) })
+    Ok(DecodedImage::rgb(width, height, Samples::F32(values)))
 }
 
 /// Returns the wavelengths in nanometres that the channels of a layer are named by, in the order of the channels, each
@@ -77,6 +83,7 @@ fn decode_spectrum(
     bytes: &[u8],
     meta: &MetaData,
     expected: Option<(usize, usize)>,
+    weighing: &Weighing,
 ) -> Result<DecodedImage, ImageFault> {
     let is_spectrum = |header: &&Header| !wavelengths_of(header).is_empty();
     let layer = meta.headers.iter().position(|header| is_spectrum(&header)).ok_or_else(|| {
@@ -86,8 +93,7 @@ fn decode_spectrum(
     let (width, height) = (header.layer_size.width(), header.layer_size.height());
     check_size(width, height, expected)?;
     let channels = wavelengths_of(header);
-    let weights = rgb_weights(&channels.iter().map(|&(_, nm)| nm).collect::<Vec<_>>())
-        .ok_or_else(|| ImageFault::damaged("two of its channels are named by one wavelength"))?;
+    let bands = weighing.of(&channels.iter().map(|&(_, nm)| nm).collect::<Vec<_>>())?;
     // The decoder unpacks every channel of every layer.
     let samples: usize = meta.headers.iter().map(|header| header.channels.list.len() * header.layer_size.area()).sum();
     if samples > MAX_SPECTRAL_SAMPLES {
@@ -108,25 +114,20 @@ fn decode_spectrum(
     .map_err(ImageFault::damaged)?;
     let contradiction = || ImageFault::damaged("its layers contradict each other");
     let read = &decoded.layer_data.get(layer).ok_or_else(contradiction)?.channel_data.list;
-    let mut values = vec![0f32; width * height * 3];
-    for (&(channel, _), weight) in channels.iter().zip(&weights) {
+    let mut values = vec![0f32; width * height * bands.channels];
+    for (band, &(channel, _)) in channels.iter().enumerate() {
         let samples = &read.get(channel).ok_or_else(contradiction)?.sample_data;
         if samples.len() != width * height {
             return Err(ImageFault::damaged("its wavelengths have different numbers of samples"));
         }
-        let mut add = |texel: usize, value: f32| {
-            let rgb = rgb_of(&[*weight], &[value]);
-            for channel in 0..3 {
-                values[texel * 3 + channel] += rgb[channel];
-            }
-        };
         match samples {
-            FlatSamples::F16(samples) => samples.iter().enumerate().for_each(|(i, value)| add(i, value.to_f32())),
-            FlatSamples::F32(samples) => samples.iter().enumerate().for_each(|(i, value)| add(i, *value)),
+            FlatSamples::F16(samples) => bands.add(band, samples.iter().map(|value| value.to_f32()), &mut values),
+            FlatSamples::F32(samples) => bands.add(band, samples.iter().copied(), &mut values),
             FlatSamples::U32(_) => return Err(ImageFault::damaged("its wavelengths hold whole numbers")),
         }
     }
-    Ok(DecodedImage { width, height, samples: Samples::Computed(values) })
+    let (channels, wavelengths_nm) = (bands.channels, bands.wavelengths_nm);
+    Ok(DecodedImage { width, height, channels, wavelengths_nm, samples: Samples::Computed(values) })
 }
 
 /// Encodes linear `values`, `[texel, channel]`, as half-precision RGB without compression, which reads five times
@@ -159,6 +160,27 @@ fn encode_as<T: IntoSample>(
     Ok(bytes.into_inner())
 }
 
+/// Encodes linear `values`, `[texel, band]`, in half precision without compression, one channel for each of
+/// `wavelengths_nm`, named by it. Values beyond the range of half are written as its largest.
+pub(crate) fn encode_bands(
+    values: &[f32],
+    wavelengths_nm: &[f64],
+    width: usize,
+    height: usize,
+) -> Result<Vec<u8>, String> {
+    let bands = wavelengths_nm.len();
+    let channel = |(band, nm): (usize, &f64)| {
+        let half = |value: &f32| f16::from_f32(if *value > MAX_HALF { MAX_HALF } else { *value });
+        let samples = values[band..].iter().step_by(bands).map(half).collect();
+        AnyChannel::new(nm.to_string().as_str(), FlatSamples::F16(samples))
+    };
+    let channels = AnyChannels::sort(wavelengths_nm.iter().enumerate().map(channel).collect());
+    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
+    let mut bytes = Cursor::new(Vec::with_capacity(width * height * bands * 2 + 8192));
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(bytes.into_inner())
+}
+
 /// Encodes one channel, Y, in single precision without compression.
 pub(crate) fn encode_map(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
     let channels = SpecificChannels::build()
@@ -175,7 +197,7 @@ pub(crate) mod tests {
     use super::*;
 
     fn decoded(bytes: &[u8]) -> Vec<f32> {
-        match decode(bytes, None).unwrap().samples {
+        match decode(bytes, None, &Weighing::Colour).unwrap().samples {
             Samples::F32(values) => values,
             other => panic!("{other:?}"),
         }
@@ -230,7 +252,6 @@ pub(crate) mod tests {
 
     /// Returns an image of 4 x 3 texels with one channel for each name, of `value(texel, channel)`.
     pub(crate) fn spectral(names: &[&str], value: impl Fn(usize, usize) -> f32) -> Vec<u8> {
-        use exr::prelude::{AnyChannel, AnyChannels};
         let channel = |(i, name): (usize, &&str)| {
             let values: Vec<f32> = (0..12).map(|texel| value(texel, i)).collect();
             // Both sample types occur in one file.
@@ -245,7 +266,7 @@ pub(crate) mod tests {
     }
 
     fn computed(bytes: &[u8]) -> Vec<f32> {
-        match decode(bytes, Some((4, 3))).unwrap().samples {
+        match decode(bytes, Some((4, 3)), &Weighing::Colour).unwrap().samples {
             Samples::Computed(values) => values,
             other => panic!("{other:?}"),
         }
@@ -270,7 +291,7 @@ pub(crate) mod tests {
     #[test]
     fn spectra_that_contradict_themselves_are_refused() {
         for names in [["400", "400nm", "500"], ["X", "Y", "Z"]] {
-            match decode(&spectral(&names, |_, _| 0.5), None) {
+            match decode(&spectral(&names, |_, _| 0.5), None, &Weighing::Colour) {
                 Err(ImageFault::Damaged(reason)) => assert!(reason.contains("wavelength"), "{reason}"),
                 other => panic!("{other:?}"),
             }
@@ -281,14 +302,14 @@ pub(crate) mod tests {
     fn every_prefix_is_refused_and_no_flipped_byte_panics() {
         for bytes in [encode(&[0.5; 6 * 5 * 3], 6, 5).unwrap(), spectral(&["450", "550", "650"], |_, _| 0.5)] {
             for length in 0..bytes.len() {
-                assert!(decode(&bytes[..length], None).is_err(), "prefix of {length}");
+                assert!(decode(&bytes[..length], None, &Weighing::Colour).is_err(), "prefix of {length}");
             }
             for position in 0..bytes.len() {
                 for mask in [0x01, 0x80, 0xFF] {
                     let mut damaged = bytes.clone();
                     damaged[position] ^= mask;
                     // Uncompressed pixels have no checksum, so some flips pass: none may panic.
-                    let _ = decode(&damaged, None);
+                    let _ = decode(&damaged, None, &Weighing::Colour);
                 }
             }
         }

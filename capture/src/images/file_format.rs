@@ -4,6 +4,7 @@
 //! filled up with grey. JPEG has no checksum, so a JPEG damaged inside, its end intact, is seen
 //! only where the damage makes no valid code.
 
+use crate::images::bands::Weighing;
 use crate::images::decoded::{DecodedImage, ImageFault};
 use crate::images::{exr, jpg, png, radiance};
 use crate::info::ImageFormat;
@@ -42,11 +43,12 @@ impl FileFormat {
     }
 }
 
-/// Decodes `bytes`. If `expected` is given, an image of another size is refused from its header.
+/// Decodes `bytes`, spectra by `weighing`. If `expected` is given, an image of another size is refused from its header.
 pub(crate) fn decode(
     bytes: &[u8],
     format: FileFormat,
     expected: Option<(usize, usize)>,
+    weighing: &Weighing,
 ) -> Result<DecodedImage, ImageFault> {
     if bytes.is_empty() {
         return Err(ImageFault::damaged("the file is empty"));
@@ -54,7 +56,7 @@ pub(crate) fn decode(
     match format {
         FileFormat::Png => png::decode(bytes, expected),
         FileFormat::Jpg => jpg::decode(bytes, expected),
-        FileFormat::Exr => exr::decode(bytes, expected),
+        FileFormat::Exr => exr::decode(bytes, expected, weighing),
         FileFormat::Hdr => radiance::decode(bytes, expected),
     }
 }
@@ -95,11 +97,11 @@ pub(crate) mod tests {
     fn png_comes_back_bit_for_bit_and_jpg_nearly() {
         let pixels = picture(32, 24);
         let png = encode_8_bit(&pixels, 32, 24, ImageFormat::Png).unwrap();
-        let image = decode(&png, FileFormat::Png, Some((32, 24))).unwrap();
+        let image = decode(&png, FileFormat::Png, Some((32, 24)), &Weighing::Colour).unwrap();
         assert_eq!((image.width, image.height), (32, 24));
         assert_eq!(samples_u8(image), pixels);
         let jpg = encode_8_bit(&pixels, 32, 24, ImageFormat::Jpg).unwrap();
-        let back = samples_u8(decode(&jpg, FileFormat::Jpg, Some((32, 24))).unwrap());
+        let back = samples_u8(decode(&jpg, FileFormat::Jpg, Some((32, 24)), &Weighing::Colour).unwrap());
         let worst = pixels.iter().zip(&back).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
         assert!(worst > 0 && worst < 60, "{worst}");
     }
@@ -110,9 +112,12 @@ pub(crate) mod tests {
         for (format, file) in [(ImageFormat::Png, FileFormat::Png), (ImageFormat::Jpg, FileFormat::Jpg)] {
             let bytes = encode_8_bit(&pixels, 24, 24, format).unwrap();
             for length in 0..bytes.len() {
-                assert!(decode(&bytes[..length], file, None).is_err(), "{format} prefix of {length}");
+                assert!(
+                    decode(&bytes[..length], file, None, &Weighing::Colour).is_err(),
+                    "{format} prefix of {length}"
+                );
             }
-            assert!(decode(&bytes, file, None).is_ok());
+            assert!(decode(&bytes, file, None, &Weighing::Colour).is_ok());
         }
     }
 
@@ -123,7 +128,7 @@ pub(crate) mod tests {
         for position in 0..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[position] ^= 0x10;
-            if let Ok(image) = decode(&damaged, FileFormat::Png, Some((16, 16))) {
+            if let Ok(image) = decode(&damaged, FileFormat::Png, Some((16, 16)), &Weighing::Colour) {
                 assert_eq!(samples_u8(image), pixels, "byte {position} changed the pixels unseen");
             }
         }
@@ -133,7 +138,7 @@ pub(crate) mod tests {
     fn another_size_is_refused_from_the_header() {
         let bytes = encode_8_bit(&picture(16, 8), 16, 8, ImageFormat::Png).unwrap();
         assert_eq!(
-            decode(&bytes, FileFormat::Png, Some((8, 16))).unwrap_err(),
+            decode(&bytes, FileFormat::Png, Some((8, 16)), &Weighing::Colour).unwrap_err(),
             ImageFault::WrongSize { width: 16, height: 8 }
         );
     }
@@ -144,7 +149,7 @@ pub(crate) mod tests {
         // Width and height stand at bytes 16..24 of every PNG; without the right checksum the
         // claim is refused even earlier, so the checksum is left wrong on purpose.
         bytes[16..24].copy_from_slice(&[0x7F, 0xFF, 0xFF, 0xFF, 0x7F, 0xFF, 0xFF, 0xFF]);
-        assert!(decode(&bytes, FileFormat::Png, None).is_err());
+        assert!(decode(&bytes, FileFormat::Png, None, &Weighing::Colour).is_err());
         assert!(check_size(1 << 20, 1 << 20, None).is_err());
         assert!(check_size(usize::MAX, 2, None).is_err());
         assert!(check_size(0, 7, None).is_err());
@@ -156,7 +161,7 @@ pub(crate) mod tests {
         let encode = |data: &[u8], colour| {
             let mut bytes = Vec::new();
             PngEncoder::new(&mut bytes).write_image(data, 2, 1, colour).unwrap();
-            decode(&bytes, FileFormat::Png, Some((2, 1))).unwrap()
+            decode(&bytes, FileFormat::Png, Some((2, 1)), &Weighing::Colour).unwrap()
         };
         assert_eq!(samples_u8(encode(&[7, 9], Colour::L8)), [7, 7, 7, 9, 9, 9]);
         assert_eq!(samples_u8(encode(&[7, 255, 9, 255], Colour::La8)), [7, 7, 7, 9, 9, 9]);

@@ -24,7 +24,7 @@ pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<D
     if !(1..=4).contains(&channels) || pixels.len() != channels * width * height {
         return Err(ImageFault::damaged("its number of channels is not supported"));
     }
-    Ok(DecodedImage { width, height, samples: Samples::U8(three_channels(pixels, channels)) })
+    Ok(DecodedImage::rgb(width, height, Samples::U8(three_channels(pixels, channels))))
 }
 
 /// Checks that a JPEG has its end marker, by a walk over its segments. A decoder would fill the rows of a cut file with

@@ -29,7 +29,7 @@ pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<D
         }
         _ => Samples::U8(three_channels(pixels, channels)),
     };
-    Ok(DecodedImage { width, height, samples })
+    Ok(DecodedImage::rgb(width, height, samples))
 }
 
 /// Encodes 8-bit RGB `[texel, channel]`.

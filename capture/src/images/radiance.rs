@@ -68,7 +68,7 @@ pub(crate) fn decode(bytes: &[u8], expected: Option<(usize, usize)>) -> Result<D
     if !rest.is_empty() {
         return Err(ImageFault::damaged(format!("{} bytes follow its last scanline", rest.len())));
     }
-    Ok(DecodedImage { width, height, samples: Samples::F32(values) })
+    Ok(DecodedImage::rgb(width, height, Samples::F32(values)))
 }
 
 /// Returns 2^(exponent - 136), and 0 for the exponent 0.

@@ -1,6 +1,7 @@
 //! Reads pictures of radiance, EXR and Radiance files, as linear RGB for renderers.
 
 use crate::error::CaptureError;
+use crate::images::bands::Weighing;
 use crate::images::decoded::{ImageFault, Samples};
 use crate::images::file_format::{FileFormat, decode};
 use std::path::Path;
@@ -29,7 +30,7 @@ impl RadianceMap {
             _ => return Err(fault("it is no .exr or .hdr file, convert it to one".into())),
         };
         let bytes = crate::files::read(path).map_err(|source| CaptureError::Read { path: path.into(), source })?;
-        let image = decode(&bytes, format, None).map_err(|found| match found {
+        let image = decode(&bytes, format, None, &Weighing::Colour).map_err(|found| match found {
             ImageFault::Damaged(reason) => fault(reason),
             ImageFault::WrongSize { width, height } => fault(format!("it has {width} x {height} pixels")),
         })?;

@@ -134,7 +134,7 @@ impl Container {
         let image = width * height * 3;
         let at = (light - first) * image;
         let values = self.blocks.with((view, block), make, |images| images[at..at + image].to_vec());
-        DecodedImage { width, height, samples: Samples::Computed(values) }
+        DecodedImage::rgb(width, height, Samples::Computed(values))
     }
 }
 
