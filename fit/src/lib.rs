@@ -38,6 +38,7 @@ mod report;
 mod resume;
 #[cfg(test)]
 mod sample_asset;
+mod spectral;
 mod stages;
 mod trade;
 
@@ -110,6 +111,8 @@ pub use priors::propose::{ProposeParams, propose_directions};
 pub use provenance::{CaptureRecord, FitRecord, Material, MaterialLayer};
 pub use report::report::{ReportInput, ReportLayer, report_html};
 pub use resume::checkpoint::remove_finished_stages;
+pub use spectral::basis::SpectralBasis;
+pub use spectral::measure::measure_capture;
 pub use stages::kmeans::{Clustering, kmeans};
 pub use stages::lasso::{
     LassoParams, LassoPoint, LassoProblem, coordinate_descent, non_negative_weights, stagewise_lasso,

@@ -158,6 +158,8 @@ pub struct FitParams {
     pub leave_out: f64,
     /// What predicts pairs that are held back or have no image.
     pub priors: Priors,
+    /// Whether a capture in bands is fitted as colours under D65.
+    pub colours: bool,
     /// Whether to find the texels' heights and store them, where they predict steep views.
     pub heights: bool,
     /// Seed of every random choice.
@@ -193,6 +195,7 @@ impl Default for FitParams {
             error: None,
             leave_out: 0.0,
             priors: Priors::BuiltIn,
+            colours: false,
             heights: false,
             seed: 1,
             kmeans: KMeansEngine::Product,
@@ -350,6 +353,17 @@ impl ValidFitParams {
     /// Returns the parameters with another error to minimise.
     pub(crate) fn with_error(&self, error: ErrorMeasure) -> ValidFitParams {
         ValidFitParams { asked: FitParams { error: Some(error), ..self.asked.clone() } }
+    }
+
+    /// Returns the parameters with a size, where one is asked for, that leaves room for `bytes` more.
+    pub(crate) fn leaving(&self, bytes: usize) -> ValidFitParams {
+        let left = self.asked.bytes.map(|most| most.saturating_sub(bytes as u64));
+        ValidFitParams { asked: FitParams { bytes: left, ..self.asked.clone() } }
+    }
+
+    /// Tells whether a capture in bands is fitted as colours.
+    pub fn fits_colours(&self) -> bool {
+        self.asked.colours
     }
 
     /// Returns the share of the direction pairs that is held back, 0 to 0.9.

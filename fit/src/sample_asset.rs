@@ -96,6 +96,7 @@ pub(crate) fn sample_asset_with(
         height,
         size_mm: None,
         seamless: [false; 2],
+        spectrum: None,
         levels: Vec::new(),
         material: "{}".into(),
         edits: Default::default(),

@@ -11,7 +11,7 @@
 //! Values are `pi * BRDF * |n.wi|`: 1 is a white Lambertian surface lit at normal incidence. The cosine is part of the
 //! value; a renderer must not multiply by it again.
 //!
-//! Limits: an asset has three colour channels, and each layer is measured at all pairs of one set of light and one set
+//! Limits: an asset has three channels, which are colours or give the bands of a [`Spectrum`], and each layer is measured at all pairs of one set of light and one set
 //! of view directions. Weights of lobes are not negative. A texture coordinate selects the nearest texel of a level;
 //! texels are not filtered within a level.
 
@@ -53,6 +53,7 @@ pub use asset::relief::{MAX_LIKENESS, Relief};
 pub use asset::residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, PredictedGroup, ROOT, Residual, ResidualKind, SharedBases,
 };
+pub use asset::spectrum::{BAND_RANGE_NM, MAX_BAND_WEIGHT, MAX_BANDS, Spectrum, weighted_channels};
 pub use asset::sphere::{DIRECTION_WORDS, EDGE_WORDS, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS};
 pub use btf_leaf_quantities::Part as LeafPart;
 pub use container::directory::{Directory, SectionEntry};
@@ -60,7 +61,7 @@ pub use container::entropy::plane_bytes;
 pub use container::file_format::ALIGNMENT;
 pub use container::finding::Finding;
 pub use decode::decode::{decode, decode_single};
-pub use decode::evaluate::{Query, Sample, density, evaluate, evaluate_many, sample};
+pub use decode::evaluate::{Query, Sample, density, evaluate, evaluate_bands, evaluate_many, sample};
 pub use decode::measured::{TexelPlace, decode_from_file_form, decode_measured};
 pub use decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 pub use decode::parallax::SeenBy;

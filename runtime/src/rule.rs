@@ -151,6 +151,7 @@ rules! { "SPMM"
     EDIT_COUNT = 2421, "it has not 1 to 255 edits", WRITE;
     NO_EDIT = 2422, "a texel names an edit that is not there", WRITE;
     EDITS_TOO_LARGE = 2423, "its edited lobes would take more than 64 MiB", "use fewer edits";
+    SPECTRUM = 2431, "its bands are not 1 to 256 ascending wavelengths with weights of at most 1000", WRITE;
     // The resident form.
     PIECES = 3001, "its pieces do not follow each other", CONVERT;
     PIECE_LENGTH = 3002, "a piece is longer than 128 MiB or no whole number of words", CONVERT;
@@ -158,6 +159,7 @@ rules! { "SPMM"
     WORDS_HEAD = 3004, "its size or its layers are not the header's", CONVERT;
     LEVEL_COUNT = 3005, "its number of levels is out of range", CONVERT;
     ONE_TIER = 3006, "a resident form has one tier", CONVERT;
+    SPECTRUM_WORDS = 3007, "its spectrum is not where one may be, or out of its range", CONVERT;
     BLOCK_PLACE = 3101, "a layer's block is not where one may be", CONVERT;
     BLOCK_SIDES = 3102, "a layer's side is neither 0 nor 1, or an earlier layer has the same sides", CONVERT;
     BLOCK_ORDER = 3103, "a level has its layers in another order", CONVERT;

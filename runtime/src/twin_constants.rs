@@ -3,6 +3,7 @@
 pub use crate::asset::disk::ITEM_EDGE;
 pub use crate::asset::lobe::{MIN_COS_VIEW, MIN_HALF};
 pub use crate::asset::relief::{EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
+pub use crate::asset::spectrum::MAX_CHANNEL;
 pub use crate::asset::sphere::INSIDE_TOLERANCE;
 pub use crate::decode::evaluate::UNIT_RANGE;
 pub use crate::decode::parallax::{
@@ -16,6 +17,7 @@ pub use crate::leaf::texture::FACTOR_ONE;
 pub use crate::leaf::theta::{MAX_ABSORPTION, THETA_P, THETA_Q};
 pub use crate::leaf::viewed::{LUMINANCE, MIN_EYE, MIN_SHARE, MIN_UP};
 pub use crate::leaf::words as leaf_words;
+pub use crate::resident::layout::SPECTRUM;
 pub use crate::resident::packed_part::{PACKED_PLACES, PLACE_WORDS};
 pub use crate::voltex::facets::{MAX_DENSER, MIN_HALF2};
 pub use crate::voltex::gloss::{MIN_REFRACTED, MIN_ROUGHNESS};

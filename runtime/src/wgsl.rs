@@ -23,6 +23,7 @@ pub const WGSL: &[(&str, &str)] = &[
     ("texel.wgsl", include_str!("decode/texel.wgsl")),
     ("residual_sum.wgsl", include_str!("decode/residual_sum.wgsl")),
     ("relief.wgsl", include_str!("decode/relief.wgsl")),
+    ("shown.wgsl", include_str!("decode/shown.wgsl")),
     ("viewed_texel.wgsl", include_str!("decode/viewed_texel.wgsl")),
     ("sample.wgsl", include_str!("decode/sample.wgsl")),
     ("decode.wgsl", include_str!("decode/decode.wgsl")),

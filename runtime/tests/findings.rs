@@ -2,7 +2,7 @@
 
 use btf_runtime::testing::{
     FileParts, SectionPart, huge_asset, repair_header_checksum, ring_directions, sample_asset, sample_grouped_asset,
-    sample_heights, sample_relief_asset,
+    sample_heights, sample_relief_asset, sample_spectral_asset,
 };
 use btf_runtime::{
     ASSET_LAYERS, Asset, Edit, Edits, FormatError, Levels, PackedGoal, PredictedGroup, Resident, ResidentFile,
@@ -165,7 +165,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     let mut list = vec![
         (rule::TOO_SHORT, good[..50].to_vec()),
         (rule::BAD_MAGIC, changed(&|bytes| bytes[0] = b'X')),
-        (rule::VERSION, changed(&|bytes| bytes[4] = 3)),
+        (rule::VERSION, changed(&|bytes| bytes[4] = 4)),
         (rule::HEADER_CHECKSUM, changed(&|bytes| bytes[90] ^= 1)),
         (rule::HEADER_FIELD, with_head(asset, 7, |_| 0)),
         (rule::LENGTH, good[..good.len() - 7].to_vec()),
@@ -252,6 +252,7 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         ),
         (rule::LEVEL_COMPONENTS, with_word(asset, Kind::Level, 0, 100)),
         (rule::EDIT_COUNT, with_word(asset, Kind::Edits, 0, 0)),
+        (rule::SPECTRUM, with_word(&sample_spectral_asset(3, 4, 3), Kind::Spectrum, 10, NAN)),
         (
             rule::NO_EDIT,
             with_section(asset, Kind::Edits, |section| {
@@ -310,6 +311,14 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         (rule::WORDS_LENGTH, with_words(asset, |words| words[3] += 1)),
         (rule::WORDS_HEAD, with_words(asset, |words| words[0] += 1)),
         (rule::LEVEL_COUNT, with_words(asset, |words| words[4] = 99)),
+        (rule::SPECTRUM_WORDS, with_words(&sample_spectral_asset(3, 4, 3), |words| words[6] = 64)),
+        // A spectrum that the header does not tell.
+        (rule::SPECTRUM_WORDS, {
+            let mut bytes = with_words(&sample_spectral_asset(3, 4, 3), |_| {});
+            set_word(&mut bytes, 10, 0);
+            repair_header_checksum(&mut bytes);
+            bytes
+        }),
         (rule::ONE_TIER, resident(&|parts| parts.sections[0].ends_tier = true)),
         (rule::BLOCK_PLACE, with_words(asset, |words| words[ASSET_LAYERS] = 1)),
         (rule::BLOCK_SIDES, with_field(asset, 0, block::LIGHT_SIDE, |_| 2)),

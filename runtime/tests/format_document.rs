@@ -88,6 +88,7 @@ fn example() -> Asset {
         height: 2,
         size_mm: Some([3.0, 2.0]),
         seamless: [true, false],
+        spectrum: None,
         material: r#"{"name":"example"}"#.to_string(),
         layers: vec![layer],
         levels: vec![Level {

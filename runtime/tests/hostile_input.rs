@@ -3,6 +3,7 @@
 
 use btf_runtime::testing::{
     FileParts, Random, SectionPart, huge_asset, repair_header_checksum, sample_asset, sample_heights,
+    sample_spectral_asset,
 };
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, FormatError, Interpolation, LevelTexels, Resident, ResidualKind, SectionKind,
@@ -20,6 +21,9 @@ const HEADER_WORDS: usize = 20;
 fn sample_bytes(kind: ResidualKind) -> Vec<u8> {
     let mut asset = sample_asset(7, 6, 5, kind);
     asset.layers[0].heights = Some(sample_heights(7, 30));
+    if kind == ResidualKind::Root {
+        asset.spectrum = sample_spectral_asset(7, 6, 5).spectrum;
+    }
     asset.edits = Edits {
         list: vec![Edit { tint: [0.5, 1.0, 2.0], roughness: 2.0, ..Edit::default() }],
         texels: (0..30).map(|texel| u8::from(texel % 4 == 0)).collect(),
@@ -150,11 +154,11 @@ fn each_damage_is_named() {
     assert!(matches!(Asset::parse(&[]), Err(FormatError::TooShort { got: 0, .. })));
     assert!(matches!(with(&|b| b[0] = b'X'), FormatError::BadMagic { got: [b'X', b'P', b'M', b'M'] }));
     assert!(matches!(Asset::parse(b"PNG, or anything"), Err(FormatError::BadMagic { .. })));
-    let version = with(&|b| set_word(b, VERSION_WORD, 3));
-    assert_eq!(version, FormatError::Version { expected: 2, got: 3 });
+    let version = with(&|b| set_word(b, VERSION_WORD, 4));
+    assert_eq!(version, FormatError::Version { expected: 3, got: 4 });
     assert_eq!(
         version.to_string(),
-        "the asset has format version 3, this program reads versions up to 2; fit the capture again or update the program"
+        "the asset has format version 4, this program reads versions up to 3; fit the capture again or update the program"
     );
     assert_eq!(with(&|b| b[40] ^= 1), FormatError::HeaderChecksum);
     let last = bytes.len();

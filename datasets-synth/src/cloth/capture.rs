@@ -14,7 +14,7 @@ use crate::surface::capture::{Progress, write_capture};
 /// [`SynthError::BadParameter`], and the errors of [`write_capture`].
 pub fn write_cloth_capture(dir: impl AsRef<Path>, params: &ClothParams, progress: Progress) -> Result<(), SynthError> {
     params.check()?;
-    write_capture(dir, params.capture.info("cloth", params.provenance()), || Cloth::new(params), progress)
+    write_capture(dir, params.capture.info("cloth", params.provenance()), || Ok(vec![Cloth::new(params)?]), progress)
 }
 
 #[cfg(test)]

@@ -22,9 +22,9 @@ pub(super) struct CaptureArgs {
     /// Light and view directions: bonn81, dome151, random:N or a file of `theta phi` lines in degrees
     #[arg(long, default_value = "bonn81", value_name = "SET")]
     directions: String,
-    /// Format of the images: png and jpg are 8-bit sRGB, exr is linear half precision
-    #[arg(long, value_enum, default_value_t = Format::Png)]
-    format: Format,
+    /// Format of the images: png and jpg are 8-bit sRGB, exr is linear half precision [default: png, exr for bands]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
     /// Seed of everything random [default: 1]
     #[arg(long)]
     pub(super) seed: Option<u64>,
@@ -40,8 +40,16 @@ impl CaptureArgs {
             seed: self.seed.unwrap_or(1),
             views: set.clone(),
             lights: set,
-            format: self.format.into(),
+            format: self.format.map_or(ImageFormat::Png, ImageFormat::from),
         })
+    }
+
+    /// Returns the format of images in spectral bands.
+    pub(super) fn format_of_bands(&self) -> Result<ImageFormat, Failure> {
+        match self.format {
+            None | Some(Format::Exr) => Ok(ImageFormat::Exr),
+            Some(_) => Err(Failure::Usage("bands are written as exr; give --format exr, or leave it out".into())),
+        }
     }
 
     /// Writes the capture of `params` by `write` with a progress bar, and reports the result. `more` are additional

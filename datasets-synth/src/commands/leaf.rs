@@ -1,9 +1,10 @@
 //! `btf-synth leaf`: the capture of a leaf.
 
+use btf_capture::MAX_BANDS;
 use btf_synth::{
     CaptureParams, GlossCoupling, GlossForm, GlossParams, LeafParams, Passage, RgbBands, write_leaf_capture,
 };
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::json;
 
 use super::capture_args::CaptureArgs;
@@ -23,6 +24,8 @@ use super::run_args::RunArgs;
   btf-synth leaf again --leaf leaf.toml --size 512
   btf-synth leaf back --model abm97 --side abaxial
   btf-synth leaf through --transmission
+  btf-synth leaf spectral --bands 31 --size 128
+  btf-synth leaf red-edge --bands 31 --to-nm 1000 --model abm-b
   btf-synth leaf hdr-leaf --format exr --directions dome151 --json leaf.json")]
 pub struct LeafArgs {
     #[command(flatten)]
@@ -43,9 +46,16 @@ pub struct LeafArgs {
     /// Put the lights behind the leaf: angles above 90 degrees
     #[arg(long)]
     transmission: bool,
-    /// Wavelengths of the plate models' colour: 400 to 700 nm every 10 nm, or 675, 546 and 435 nm
-    #[arg(long, value_enum, default_value_t = Bands::Spectral)]
+    /// Number of spectral bands of the capture, evenly from --from-nm to --to-nm, written as EXR files; or the wavelengths of
+    /// the plate models' colour: `spectral` for 400 to 700 nm every 10 nm, `three` for 675, 546 and 435 nm
+    #[arg(long, value_name = "N|spectral|three", default_value = "spectral", value_parser = bands)]
     bands: Bands,
+    /// First band in nm (400 to 2500)
+    #[arg(long, value_name = "NM", default_value_t = 400.0)]
+    from_nm: f64,
+    /// Last band in nm
+    #[arg(long, value_name = "NM", default_value_t = 700.0)]
+    to_nm: f64,
     /// Roughness of the plates' gloss (0.05 to 1) [default: the species', otherwise 0.3]
     #[arg(long)]
     gamma: Option<f64>,
@@ -64,10 +74,34 @@ pub struct LeafArgs {
     tissue: TissueArgs,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Bands {
     Spectral,
     Three,
+    Count(usize),
+}
+
+fn bands(text: &str) -> Result<Bands, String> {
+    match (text, text.parse()) {
+        ("spectral", _) => Ok(Bands::Spectral),
+        ("three", _) => Ok(Bands::Three),
+        (_, Ok(count @ 2..=MAX_BANDS)) => Ok(Bands::Count(count)),
+        _ => Err(format!("give a number of bands from 2 to {MAX_BANDS}, spectral or three")),
+    }
+}
+
+impl LeafArgs {
+    /// Returns the bands of the capture in nanometres; none for colours.
+    fn wavelengths_nm(&self) -> Result<Vec<f64>, Failure> {
+        let Bands::Count(count) = self.bands else { return Ok(Vec::new()) };
+        let (from, to) = (self.from_nm, self.to_nm);
+        if !(from < to) {
+            return Err(Failure::Usage(format!("--from-nm {from} is not below --to-nm {to}; give a lower one")));
+        }
+        // Hundredths of a nanometre, as files name them.
+        let at = |i: usize| (100.0 * (from + (to - from) * i as f64 / (count - 1) as f64)).round() / 100.0;
+        Ok((0..count).map(at).collect())
+    }
 }
 
 /// Writes the capture.
@@ -77,11 +111,17 @@ pub fn run(args: &LeafArgs) -> Result<(), Failure> {
     let whole = looked.own_pigments.then_some(&leaf.contents);
     let [cab, car] = args.contents.own_pigments(whole);
     let described = LeafParams::described(leaf, looked.images()?);
+    let wavelengths_nm = args.wavelengths_nm()?;
+    let mut capture = CaptureParams { seed: leaf.seed, ..args.capture.params(leaf.size_mm as f32)? };
+    if !wavelengths_nm.is_empty() {
+        capture.format = args.capture.format_of_bands()?;
+    }
     let params = LeafParams {
-        capture: CaptureParams { seed: leaf.seed, ..args.capture.params(leaf.size_mm as f32)? },
+        capture,
+        wavelengths_nm,
         model: args.tissue.leaf_model(args.model, cab, car)?,
         bands: match args.bands {
-            Bands::Spectral => RgbBands::Spectral31,
+            Bands::Spectral | Bands::Count(_) => RgbBands::Spectral31,
             Bands::Three => RgbBands::ThreeWavelength,
         },
         side: args.side.into(),

@@ -25,6 +25,7 @@ pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: 
     params.check()?;
     let mut info = params.capture.info("leaf", params.provenance());
     info.side = params.capture_side();
+    info.wavelengths_nm = params.wavelengths_nm.clone();
     if params.passage == Passage::Transmission {
         // The light stands behind the face that is seen.
         info.lights = info.lights.behind()?;
@@ -35,17 +36,18 @@ pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: 
             info,
             || {
                 let leaf = Leaf::new(params)?;
-                Ok(TissueLeaf::new(tissue, leaf.seen, &leaf.tints, TABLE_RAYS, params.capture.seed))
+                let of = |bands| TissueLeaf::new(tissue, &leaf, bands, TABLE_RAYS, params.capture.seed);
+                Ok(bands_of(params, RgbBands::Spectral31).into_iter().map(of).collect())
             },
             progress,
         ),
-        (LeafModel::Plate(model), None) => write_capture(dir, info, || plate_leaf(*model, params), progress),
+        (LeafModel::Plate(model), None) => write_capture(dir, info, || plate_leaves(*model, params), progress),
         (LeafModel::TwoSided(halves), None) => write_capture(
             dir,
             info,
             || {
-                let body = PlateBody::two_sided(*halves, params.side, params.bands);
-                body_leaf(&body, params.gloss.coupling, params)
+                let body = |bands| Ok(PlateBody::two_sided(*halves, params.side, bands));
+                body_leaves(body, params.bands, params.gloss.coupling, params)
             },
             progress,
         ),
@@ -53,20 +55,36 @@ pub fn write_leaf_capture(dir: impl AsRef<Path>, params: &LeafParams, progress: 
     }
 }
 
-/// Returns the material of a plate model.
-fn plate_leaf(model: PlateModel, params: &LeafParams) -> Result<PlateLeaf, SynthError> {
-    let bands = if model == PlateModel::Paper { RgbBands::ThreeWavelength } else { params.bands };
-    let body = PlateBody::new(model, model.default_table(), bands)?;
-    // The printed body holds the surface's reflection already, and nothing couples it to the gloss.
-    let coupling = if model == PlateModel::Paper { GlossCoupling::None } else { params.gloss.coupling };
-    body_leaf(&body, coupling, params)
+/// Returns what materials are made for: the three bands of each of a capture in bands, else `colours`.
+fn bands_of(params: &LeafParams, colours: RgbBands) -> Vec<RgbBands> {
+    match params.threes_of_bands() {
+        threes if threes.is_empty() => vec![colours],
+        threes => threes.into_iter().map(RgbBands::Three).collect(),
+    }
 }
 
-/// Returns the material of a leaf with the body `body`.
-fn body_leaf(body: &PlateBody, coupling: GlossCoupling, params: &LeafParams) -> Result<PlateLeaf, SynthError> {
+/// Returns the materials of a plate model.
+fn plate_leaves(model: PlateModel, params: &LeafParams) -> Result<Vec<PlateLeaf>, SynthError> {
+    let colours = if model == PlateModel::Paper { RgbBands::ThreeWavelength } else { params.bands };
+    // The printed body holds the surface's reflection already, and nothing couples it to the gloss.
+    let coupling = if model == PlateModel::Paper { GlossCoupling::None } else { params.gloss.coupling };
+    body_leaves(|bands| PlateBody::new(model, model.default_table(), bands), colours, coupling, params)
+}
+
+/// Returns the materials of a leaf whose body is `body` of bands, or of `colours`.
+fn body_leaves(
+    body: impl Fn(RgbBands) -> Result<PlateBody, SynthError>,
+    colours: RgbBands,
+    coupling: GlossCoupling,
+    params: &LeafParams,
+) -> Result<Vec<PlateLeaf>, SynthError> {
     let leaf = Leaf::new(params)?;
     let lobe = CookTorrance::from_params(&GlossParams { coupling, ..params.gloss });
-    Ok(PlateLeaf::new(leaf.seen, &params.contents, &leaf.tints, &leaf.gloss, leaf.veins, body, lobe))
+    let of = |bands| {
+        let Leaf { seen, tints, gloss, veins } = &leaf;
+        Ok(PlateLeaf::new(seen.clone(), &params.contents, tints, gloss, veins.clone(), &body(bands)?, lobe.clone()))
+    };
+    bands_of(params, colours).into_iter().map(of).collect()
 }
 
 #[cfg(test)]

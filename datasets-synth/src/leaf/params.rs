@@ -1,6 +1,6 @@
 //! Parameters of a leaf and of its capture.
 
-use btf_capture::Side;
+use btf_capture::{ImageFormat, MAX_BANDS, Side};
 use btf_models::{LeafContents, LeafDescription, Species, TextureImages};
 
 use crate::error::SynthError;
@@ -16,6 +16,7 @@ use crate::optics::colour::RgbBands;
 use crate::optics::gloss::params::GlossParams;
 use crate::optics::plates::model::PlateModel;
 use crate::optics::plates::two_halves::TwoHalves;
+use crate::optics::specific_absorption::LEAF_TABLE_NM;
 use crate::surface::capture_params::CaptureParams;
 use crate::surface::grid::Grid;
 
@@ -32,6 +33,8 @@ pub struct LeafParams {
     pub contents: LeafContents,
     /// Wavelengths of the plate models' colour.
     pub bands: RgbBands,
+    /// Bands of the capture in nanometres, ascending, 400 to 2500; empty for colours.
+    pub wavelengths_nm: Vec<f64>,
     /// Specular lobe of the plate models. For `plate-paper` it is never coupled to the body.
     pub gloss: GlossParams,
     /// Species, deficiency, and textures that the user supplies.
@@ -51,6 +54,7 @@ impl Default for LeafParams {
             model: LeafModel::default(),
             contents: LeafContents::default(),
             bands: RgbBands::Spectral31,
+            wavelengths_nm: Vec::new(),
             gloss: GlossParams::default(),
             look: LeafLook::default(),
             side: Face::Adaxial,
@@ -91,6 +95,7 @@ impl LeafParams {
         self.capture.check()?;
         self.gloss.check()?;
         self.look.check()?;
+        self.check_bands()?;
         match &self.model {
             LeafModel::Plate(model) => model.check(model.default_table(), &self.contents)?,
             LeafModel::TwoSided(halves) => {
@@ -102,6 +107,37 @@ impl LeafParams {
             LeafModel::AbmU(leaf) => leaf.specimen.check()?,
         }
         self.capture.check_grid(RELIEF_BOUND_MM)
+    }
+
+    /// Checks the bands of the capture.
+    fn check_bands(&self) -> Result<(), SynthError> {
+        let nm = &self.wavelengths_nm;
+        let refuse = |value: String, allowed: &str| {
+            Err(SynthError::BadParameter { name: "--bands", value, allowed: allowed.to_owned() })
+        };
+        if nm.is_empty() {
+            return Ok(());
+        }
+        if nm.len() > MAX_BANDS || !nm.windows(2).all(|pair| pair[0] < pair[1]) {
+            return refuse(format!("{} wavelengths", nm.len()), "at most 256, each above the one before");
+        }
+        if let Some(nm) = nm.iter().find(|nm| !(LEAF_TABLE_NM[0]..=LEAF_TABLE_NM[1]).contains(*nm)) {
+            return refuse(format!("{nm} nm"), "wavelengths from 400 to 2500 nm");
+        }
+        if self.model == LeafModel::Plate(PlateModel::Paper) {
+            return refuse(self.model.name().to_owned(), "another model: plate-paper is printed for three wavelengths");
+        }
+        if self.capture.format != ImageFormat::Exr {
+            return refuse(format!("{} images", self.capture.format), "exr images: give --format exr");
+        }
+        Ok(())
+    }
+
+    /// Returns the bands of the capture, three by three: what is left over repeats the last one.
+    pub(crate) fn threes_of_bands(&self) -> Vec<[f64; 3]> {
+        let last = self.wavelengths_nm.last().copied().unwrap_or(0.0);
+        let three = |bands: &[f64]| std::array::from_fn(|i| bands.get(i).copied().unwrap_or(last));
+        self.wavelengths_nm.chunks(3).map(three).collect()
     }
 
     /// Returns the side of the capture, from the face that is seen and the side of the light.

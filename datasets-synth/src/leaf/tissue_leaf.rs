@@ -2,12 +2,13 @@
 //! direction pair the weight of every class.
 //!
 //! The surface reflection of the model itself (paths of length 0) is the highlight, so the gloss texture and the
-//! roughness of the plates do not apply. Maps of pigment and thickness act on the optical depth. The table is traced at
-//! one wavelength: models with spectral indices use those of 550 nm for all (error in docs/guide/leaves.md).
+//! roughness of the plates do not apply. Maps of pigment and thickness act on the optical depth. Models with
+//! spectral indices are traced at the mean wavelength of each channel, or of all three where these lie close together.
 
 use rayon::prelude::*;
 
 use crate::leaf::face::{Seen, Tint};
+use crate::leaf::patch::Leaf;
 use crate::optics::abm::path_lengths::Face;
 use crate::optics::abm::scatter_table::{Passage, ScatterTable, WAYS};
 use crate::optics::abm::tissue::{DepthParts, Tissue};
@@ -17,8 +18,11 @@ use crate::surface::height_field::{HeightField, LightVisibility};
 use crate::surface::rig::{Hit, Material};
 use crate::vector::dot;
 
-/// Wavelength whose refractive indices the table is traced with.
+/// Wavelength at which a model is traced whose refractive indices are constant.
 const TABLE_WAVELENGTH: Nanometres = Nanometres(550.0);
+
+/// Distance in nanometres of the channels' mean wavelengths up to which one table serves all three.
+const MAX_SPAN_NM: f64 = 60.0;
 
 /// Number of rays for each incidence of the table.
 pub(crate) const TABLE_RAYS: u64 = 1_000_000;
@@ -29,7 +33,8 @@ type WayColours = [[f32; 3]; WAYS];
 /// Material of a leaf of an algorithmic model; see the notes of the module.
 pub(crate) struct TissueLeaf {
     seen: Seen,
-    table: ScatterTable,
+    /// Table of all channels, or of each.
+    tables: Vec<ScatterTable>,
     colours: Vec<[f32; 3 * WAYS]>,
 }
 
@@ -50,39 +55,62 @@ pub(crate) struct TissuePair {
 }
 
 impl TissueLeaf {
-    /// Traces the table with `rays` rays per incidence and computes the colours of the nodes of `seen` by `tints`.
-    pub fn new(tissue: &dyn Tissue, seen: Seen, tints: &[Tint], rays: u64, seed: u64) -> TissueLeaf {
+    /// Traces the tables with `rays` rays per incidence and computes the colours of the nodes of `leaf` in `bands`.
+    pub fn new(tissue: &dyn Tissue, leaf: &Leaf, bands: RgbBands, rays: u64, seed: u64) -> TissueLeaf {
+        let seen = leaf.seen.clone();
         let light = match (seen.side, seen.passage) {
             (side, Passage::Reflection) => side,
             (Face::Adaxial, Passage::Transmission) => Face::Abaxial,
             (Face::Abaxial, Passage::Transmission) => Face::Adaxial,
         };
-        let table = ScatterTable::trace(&tissue.stack(TABLE_WAVELENGTH), light, seen.passage, rays, seed);
-        let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
+        let convert = RgbFromSpectrum::new(bands);
+        let trace = |nm| ScatterTable::trace(&tissue.stack(nm), light, seen.passage, rays, seed);
+        let tables: Vec<ScatterTable> = traced_at(tissue, &convert).into_iter().map(trace).collect();
         let bands: Vec<(DepthParts, [f64; 3])> = convert
             .wavelengths_nm()
             .iter()
             .zip(convert.weights())
             .map(|(&nm, &weights)| (tissue.depth_parts(Nanometres(nm)), weights))
             .collect();
-        let ways = table.ways();
-        let colours = tints.par_iter().map(|tint| way_colours(&bands, &ways, tint)).collect();
-        TissueLeaf { seen, table, colours }
+        let ways: Vec<[f32; WAYS]> = (0..3).map(|channel| of_channel(&tables, channel).ways()).collect();
+        let colours = leaf.tints.par_iter().map(|tint| way_colours(&bands, &ways, tint)).collect();
+        TissueLeaf { seen, tables, colours }
     }
 }
 
+/// Returns the wavelengths that tables are traced at: of all channels, or of each.
+fn traced_at(tissue: &dyn Tissue, convert: &RgbFromSpectrum) -> Vec<Nanometres> {
+    if tissue.has_constant_indices() {
+        return vec![TABLE_WAVELENGTH];
+    }
+    let mean = |channel: usize| {
+        let terms = convert.wavelengths_nm().iter().zip(convert.weights());
+        let (sum, weight) = terms.fold((0.0, 0.0), |(sum, all), (nm, weights)| {
+            (sum + nm * weights[channel].max(0.0), all + weights[channel].max(0.0))
+        });
+        sum / f64::max(weight, 1e-12)
+    };
+    let nm = [0, 1, 2].map(mean);
+    let [least, most] = [f64::min, f64::max].map(|of| nm.into_iter().fold(nm[0], of));
+    if most - least <= MAX_SPAN_NM { vec![Nanometres(0.5 * (least + most))] } else { nm.map(Nanometres).to_vec() }
+}
+
+/// Returns the table of a channel.
+fn of_channel(tables: &[ScatterTable], channel: usize) -> &ScatterTable {
+    &tables[channel.min(tables.len() - 1)]
+}
+
 /// Returns the colour of each class of paths, `sum over wavelengths of weight exp(-k way)`.
-fn way_colours(bands: &[(DepthParts, [f64; 3])], ways: &[f32; WAYS], tint: &Tint) -> [f32; 3 * WAYS] {
+fn way_colours(bands: &[(DepthParts, [f64; 3])], ways: &[[f32; WAYS]], tint: &Tint) -> [f32; 3 * WAYS] {
     let mut colours = [0f64; 3 * WAYS];
     for (depth, weights) in bands {
         let k = f64::from(tint.thickness)
             * (depth.chlorophyll.0 * f64::from(tint.chlorophyll)
                 + depth.carotenoid.0 * f64::from(tint.carotenoid)
                 + depth.rest.0);
-        for (class, way) in ways.iter().enumerate() {
-            let left = (-k * f64::from(*way)).exp();
-            for channel in 0..3 {
-                colours[3 * class + channel] += weights[channel] * left;
+        for (channel, ways) in ways.iter().enumerate().filter(|(channel, _)| weights[*channel] != 0.0) {
+            for (class, way) in ways.iter().enumerate() {
+                colours[3 * class + channel] += weights[channel] * (-k * f64::from(*way)).exp();
             }
         }
     }
@@ -136,11 +164,14 @@ impl Material for TissueLeaf {
             // The two faces have two normals; the blade's plane decides.
             Passage::Transmission => pair.cos_phi,
         };
-        let weights = self.table.pi_f(cos_i.min(1.0), cos_o.min(1.0), cos_phi);
         let mut sum = [0f32; 3];
-        for (weight, colour) in weights.iter().zip(&colours) {
-            for channel in 0..3 {
-                sum[channel] += weight * colour[channel];
+        for (number, table) in self.tables.iter().enumerate() {
+            let channels = if self.tables.len() == 1 { 0..3 } else { number..number + 1 };
+            let weights = table.pi_f(cos_i.min(1.0), cos_o.min(1.0), cos_phi);
+            for (weight, colour) in weights.iter().zip(&colours) {
+                for channel in channels.clone() {
+                    sum[channel] += weight * colour[channel];
+                }
             }
         }
         sum.map(|c| c * cos_i)
@@ -162,8 +193,9 @@ mod tests {
     fn flat(side: Face, passage: Passage, tint: Tint) -> TissueLeaf {
         let face = height_field::tests::shaped(|_| 0.0);
         let seen = Seen { side, passage, size: 64, far: face.clone(), face };
-        let tints = vec![tint; seen.face.grid.len()];
-        TissueLeaf::new(&Abm97::default(), seen, &tints, 40_000, 1)
+        let count = seen.face.grid.len();
+        let leaf = Leaf { seen, tints: vec![tint; count], gloss: Vec::new(), veins: Vec::new() };
+        TissueLeaf::new(&Abm97::default(), &leaf, RgbBands::Spectral31, 40_000, 1)
     }
 
     fn first(leaf: &TissueLeaf, wi: Direction, wo: Direction) -> [f32; 3] {

@@ -18,7 +18,12 @@ pub fn write_leather_capture(
     progress: Progress,
 ) -> Result<(), SynthError> {
     params.check()?;
-    write_capture(dir, params.capture.info("leather", params.provenance()), || Leather::new(params), progress)
+    write_capture(
+        dir,
+        params.capture.info("leather", params.provenance()),
+        || Ok(vec![Leather::new(params)?]),
+        progress,
+    )
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ pub const PAPER_WAVELENGTHS_NM: [f64; 3] = [675.0, 546.0, 435.0];
 const VISIBLE_NM: [f64; 2] = [400.0, 780.0];
 
 /// Wavelengths at which a colour is computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum RgbBands {
     /// Wavelengths 400, 410, ... 700 nm under D65, CIE 1931 2-degree observer.
     #[default]
@@ -20,14 +20,17 @@ pub enum RgbBands {
     /// Red at 675 nm, green at 546 and blue at 435 [Miao, after eq. 5]: no colour that an eye would see. 675 nm is
     /// where chlorophyll absorbs most, so red comes out too dark.
     ThreeWavelength,
+    /// Three bands of a spectral capture in nanometres, one for each channel.
+    Three([f64; 3]),
 }
 
 impl RgbBands {
-    /// Returns the name: `spectral` or `three-wavelength`.
+    /// Returns the name: `spectral`, `three-wavelength` or `bands`.
     pub fn name(self) -> &'static str {
         match self {
             RgbBands::Spectral31 => "spectral",
             RgbBands::ThreeWavelength => "three-wavelength",
+            RgbBands::Three(_) => "bands",
         }
     }
 }
@@ -51,11 +54,17 @@ impl RgbFromSpectrum {
     pub fn new(bands: RgbBands) -> RgbFromSpectrum {
         match bands {
             RgbBands::Spectral31 => RgbFromSpectrum::under_d65((0..31).map(|i| 400.0 + 10.0 * f64::from(i)).collect()),
-            RgbBands::ThreeWavelength => RgbFromSpectrum {
-                wavelengths_nm: PAPER_WAVELENGTHS_NM.to_vec(),
-                weights: vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-                uncorrected_white: [1.0; 3],
-            },
+            RgbBands::ThreeWavelength => RgbFromSpectrum::channel_by_channel(PAPER_WAVELENGTHS_NM),
+            RgbBands::Three(wavelengths_nm) => RgbFromSpectrum::channel_by_channel(wavelengths_nm),
+        }
+    }
+
+    /// Returns what takes each channel from one wavelength.
+    fn channel_by_channel(wavelengths_nm: [f64; 3]) -> RgbFromSpectrum {
+        RgbFromSpectrum {
+            wavelengths_nm: wavelengths_nm.to_vec(),
+            weights: vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            uncorrected_white: [1.0; 3],
         }
     }
 

@@ -8,7 +8,7 @@ use super::progress;
 use btf_capture::{Capture, CaptureInfo, Direction, write_file_atomically};
 use btf_fit::{
     MeasureParams, Metrics, ReportInput, ReportLayer, bytes_from_text, layer_for_capture, load_asset, load_voltex,
-    measure, packed_in_parallel, peak_memory_bytes, report_html, resident_in_parallel, unpacked_in_parallel,
+    measure_capture, packed_in_parallel, peak_memory_bytes, report_html, resident_in_parallel, unpacked_in_parallel,
     write_heatmaps,
 };
 use btf_runtime::Resident;
@@ -141,7 +141,7 @@ pub(super) fn run(args: &CompareArgs, shared: &Shared) -> Result<(), Failure> {
         bases: packed.as_ref().map(|packed| Arc::new(unpacked_in_parallel(packed))),
         ..MeasureParams::default()
     };
-    let comparison = monitor.stage("measure", || measure(&capture, &asset, &resident, &params, &monitor))?;
+    let comparison = monitor.stage("measure", || measure_capture(&capture, &asset, &resident, &params, &monitor))?;
     if let Some(dir) = &args.heatmap {
         write_heatmaps(dir, capture.info(), &comparison)?;
     }

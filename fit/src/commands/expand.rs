@@ -33,6 +33,9 @@ pub(super) struct ExpandArgs {
     /// Format of the images; exr if the capture was exr, else png. A jpg adds its own error
     #[arg(long, value_enum)]
     format: Option<FormatArg>,
+    /// Write the colours of an asset with a spectrum, under D65, in exr files, too; png and jpg always hold colours
+    #[arg(long)]
+    colours: bool,
     /// Layer of the asset, from 0; `info` lists them
     #[arg(long, value_name = "N", default_value_t = 0)]
     layer: usize,
@@ -76,6 +79,7 @@ pub(super) fn run(args: &ExpandArgs, shared: &Shared) -> Result<(), Failure> {
             FormatArg::Jpg => ImageFormat::Jpg,
             FormatArg::Exr => ImageFormat::Exr,
         }),
+        colours: args.colours,
     };
     if let Some(target) = &args.json {
         check_file(target, std::slice::from_ref(&args.asset))?;

@@ -78,6 +78,9 @@ pub(super) struct FitArgs {
     /// relief in place: about half a byte a texel
     #[arg(long)]
     heights: bool,
+    /// Fit a capture in spectral bands as colours under D65
+    #[arg(long)]
+    colours: bool,
     /// The k-means to use
     #[arg(long, value_enum, default_value = "product")]
     kmeans: KMeansArg,
@@ -147,6 +150,11 @@ struct FitResult<'a> {
     components: usize,
     /// Bases that the clusters of the first layer mix theirs from.
     shared_bases: usize,
+    /// Number of bands, and the root mean square error of bands in the root curve that their basis leaves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bands: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    spectral_rmse: Option<f64>,
     layers: usize,
     by_layer: Vec<LayerResult>,
     lobe_error: LobeError,
@@ -256,6 +264,8 @@ pub(super) fn run(args: &FitArgs, shared: &Shared) -> Result<(), Failure> {
         lobe_use: fitted.lobe_use,
         components: fitted.components,
         shared_bases: fitted.asset.layers.first().map_or(0, shared_bases),
+        bands: fitted.asset.spectrum.as_ref().map(|spectrum| spectrum.wavelengths_nm.len()),
+        spectral_rmse: fitted.spectral_rmse,
         layers: fitted.asset.layers.len(),
         by_layer: layer_results(&fitted)?,
         lobe_error: LobeError {
@@ -314,6 +324,7 @@ fn params(args: &FitArgs) -> FitParams {
         },
         leave_out: args.leave_out,
         priors: args.priors.priors(),
+        colours: args.colours,
         heights: args.heights,
         seed: args.seed,
         kmeans: match args.kmeans {
@@ -381,6 +392,11 @@ fn summary(result: &FitResult, args: &FitArgs) -> String {
         }
     }
     lines.push(format!("  lobes       {}", result.lobe_use));
+    if let (Some(bands), Some(rmse)) = (result.bands, result.spectral_rmse) {
+        let floor =
+            if rmse > 0.0 { format!(", whose basis leaves {:.1} dB", -20.0 * rmse.log10()) } else { String::new() };
+        lines.push(format!("  bands       {bands}{floor}"));
+    }
     let memory = result.peak_memory_bytes.map_or(String::new(), |bytes| format!(", {} memory", text_from_bytes(bytes)));
     lines.push(format!("  time        {:.1} s{memory}", result.seconds));
     if let Some(path) = &args.report {

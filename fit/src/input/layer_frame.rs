@@ -54,13 +54,18 @@ pub fn capture_directions(layer: &Layer, side: Side) -> Result<(DirectionSet, Di
 /// Mirrors the columns of an image `[row, column, channel]` of `width` columns, in place, where a capture of `side` is
 /// turned over: from the capture's frame to the front's and back alike.
 pub(crate) fn turn_image<T>(image: &mut [T], width: usize, side: Side) {
+    turn_channels(image, IMAGE_SAMPLES, width, side);
+}
+
+/// Mirrors an image like [`turn_image`], of `channels` channels.
+pub(crate) fn turn_channels<T>(image: &mut [T], channels: usize, width: usize, side: Side) {
     if !side.is_turned_over() {
         return;
     }
     // With the samples of a texel in reverse order the whole row is reversed; they are put back after.
-    for row in image.chunks_exact_mut(IMAGE_SAMPLES * width) {
+    for row in image.chunks_exact_mut(channels * width) {
         row.reverse();
-        row.chunks_exact_mut(IMAGE_SAMPLES).for_each(<[T]>::reverse);
+        row.chunks_exact_mut(channels).for_each(<[T]>::reverse);
     }
 }
 

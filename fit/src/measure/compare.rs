@@ -83,11 +83,13 @@ pub struct Comparison {
     pub texel_linear_error: Vec<f64>,
     /// Sum of squared differences of 8-bit values, per pair; 0 for a pair that was not measured.
     pub pair_code_error: Vec<u64>,
+    /// Samples of a texel at a pair: three channels, or bands.
+    pub channels: usize,
 }
 
 stored_structs! {
     Comparison {
-        width, height, views, lights, pairs, interpolated, sums, texel_code_error, texel_linear_error, pair_code_error,
+        width, height, views, lights, pairs, interpolated, sums, texel_code_error, texel_linear_error, pair_code_error, channels,
     }
 }
 
@@ -105,7 +107,7 @@ impl Comparison {
             count += 1;
             error += self.pair_code_error[pair];
         }
-        (count > 0).then(|| psnr_db_from_codes(error, count * self.texel_code_error.len() as u64 * 3))
+        (count > 0).then(|| psnr_db_from_codes(error, count * (self.texel_code_error.len() * self.channels) as u64))
     }
 
     /// Returns `psnr_db` of each view over its lights.
@@ -135,14 +137,38 @@ impl Comparison {
 
     /// Returns the root mean square error of each pair in steps of 8-bit values; `None` for pairs not measured.
     pub fn pair_rmse_codes(&self) -> Vec<Option<f32>> {
-        let samples = (self.texel_code_error.len() * 3) as f64;
+        let samples = (self.texel_code_error.len() * self.channels) as f64;
         let measured = self.is_measured();
         let rmse = |pair: usize| (self.pair_code_error[pair] as f64 / samples).sqrt() as f32;
         (0..self.views * self.lights).map(|pair| measured[pair].then(|| rmse(pair))).collect()
     }
 
     fn samples_per_texel(&self) -> f64 {
-        (self.pairs.len() * 3) as f64
+        (self.pairs.len() * self.channels) as f64
+    }
+
+    /// Counts `count` channels only; the others were 0 in capture and asset.
+    pub(crate) fn keep_channels(&mut self, count: usize) {
+        self.channels = count;
+        self.count_samples();
+    }
+
+    /// Adds the errors of other channels at the same pairs.
+    pub(crate) fn add_channels(&mut self, other: &Comparison) {
+        self.channels += other.channels;
+        self.sums.add(&other.sums);
+        self.texel_code_error.iter_mut().zip(&other.texel_code_error).for_each(|(sum, error)| *sum += error);
+        self.texel_linear_error.iter_mut().zip(&other.texel_linear_error).for_each(|(sum, error)| *sum += error);
+        self.pair_code_error.iter_mut().zip(&other.pair_code_error).for_each(|(sum, error)| *sum += error);
+        self.count_samples();
+    }
+
+    /// Counts the samples of the channels that there are, and finds the worst texel over them.
+    fn count_samples(&mut self) {
+        let per_texel = self.samples_per_texel();
+        self.sums.samples = (per_texel * self.texel_code_error.len() as f64) as u64;
+        let mean = |error: &f64| error / per_texel;
+        self.sums.worst_texel = self.texel_linear_error.iter().map(mean).fold(0.0, f64::max);
     }
 
     fn is_measured(&self) -> Vec<bool> {
@@ -278,7 +304,8 @@ pub(crate) fn measure_decoder(
         batch,
         memory_bytes: params.memory_bytes / 4,
     };
-    let mut errors = BatchErrors::new(decoder, &coding, sizes, gpu);
+    // An adapter gives the channels as they are.
+    let mut errors = BatchErrors::new(decoder, &coding, sizes, gpu.filter(|_| !decoder.is_spectral()));
     for (done, batch_pairs) in pairs.chunks(batch).enumerate() {
         monitor.report("measure", done * batch, pairs.len())?;
         let work: Vec<PairWork> = batch_pairs
@@ -328,6 +355,7 @@ pub(crate) fn measure_decoder(
         texel_code_error,
         texel_linear_error,
         pair_code_error,
+        channels: 3,
     })
 }
 

@@ -2,7 +2,7 @@
 //! a table of any directions.
 
 use crate::error::FitError;
-use crate::input::layer_frame::turn_image;
+use crate::input::layer_frame::turn_channels;
 use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::monitor::Monitor;
 use crate::provenance::Material;
@@ -25,6 +25,8 @@ pub struct ExpandParams {
     pub directions: Option<DirectionSet>,
     /// Format of the images; `None` for exr where the capture was exr, else png.
     pub format: Option<ImageFormat>,
+    /// Whether an asset with a spectrum gives colours in exr files, too, in place of its bands.
+    pub colours: bool,
 }
 
 /// Returns the capture that [`expand`] would write: the conventions as the asset tells them (transfer curve, cosine,
@@ -52,7 +54,14 @@ pub fn expand_info(asset: &Asset, params: &ExpandParams) -> Result<CaptureInfo, 
     }
     // A JPEG would add its own error to the decoded values.
     let own = if info.format == ImageFormat::Exr { ImageFormat::Exr } else { ImageFormat::Png };
-    Ok(info.in_format(params.format.unwrap_or(own)))
+    let mut info = info.in_format(params.format.unwrap_or(own));
+    if let Some(spectrum) = &asset.spectrum
+        && !params.colours
+        && info.format == ImageFormat::Exr
+    {
+        info.wavelengths_nm = spectrum.wavelengths_nm.iter().map(|nm| f64::from(*nm)).collect();
+    }
+    Ok(info)
 }
 
 /// Decodes layer `params.layer` into the capture folder `dir`, which must be empty or absent. A layer of the back is
@@ -73,7 +82,21 @@ pub fn expand(
 ) -> Result<CaptureInfo, FitError> {
     let info = expand_info(asset, params)?;
     let layer = &asset.layers[params.layer];
-    let decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
+    let spectrum = asset.spectrum.as_ref().filter(|_| !info.wavelengths_nm.is_empty());
+    // Bands follow from the channels themselves.
+    let (mut in_channels, channels) = (None, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    let resident = match spectrum.filter(|_| !asset.edits.list.is_empty()) {
+        None => resident,
+        Some(_) => {
+            let resident: &mut Resident = in_channels.insert(resident.clone());
+            resident.set_shown(channels);
+            &*resident
+        }
+    };
+    let mut decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
+    if spectrum.is_some() {
+        decoder = decoder.showing(channels);
+    }
     // The writer refuses directions on another side of the surface than the layer's.
     let writer = CaptureWriter::create(dir, info.clone())?;
     let views = Spot::of_set(&layer.views, &info.views, info.side);
@@ -87,7 +110,11 @@ pub fn expand(
         let mut image = vec![0.0; texels * 3];
         decoder.decode_image(&plan, &mut image);
         show_edits(asset, resident, params, views[view], lights[light], &mut image);
-        turn_image(&mut image, info.width, info.side);
+        let mut image = match &spectrum {
+            Some(spectrum) => image.as_chunks().0.iter().flat_map(|channels| spectrum.bands(*channels)).collect(),
+            None => image,
+        };
+        turn_channels(&mut image, info.channels(), info.width, info.side);
         Ok(writer.write(view, light, &image)?)
     })?;
     monitor.check()?;
@@ -196,8 +223,12 @@ mod tests {
         let set = DirectionSet::random(4, 77).unwrap();
         for interpolation in [Interpolation::Fast, Interpolation::Exact] {
             let options = DecodeOptions { interpolation, ..DecodeOptions::default() };
-            let params =
-                ExpandParams { options, directions: Some(set.clone()), format: Some(ImageFormat::Exr), layer: 0 };
+            let params = ExpandParams {
+                options,
+                directions: Some(set.clone()),
+                format: Some(ImageFormat::Exr),
+                ..ExpandParams::default()
+            };
             let dir = folder.path().join(format!("{interpolation:?}"));
             expand(&asset, &resident, &dir, &params, &Monitor::default()).unwrap();
             let capture = Capture::open(&dir).unwrap();

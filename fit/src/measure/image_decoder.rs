@@ -10,6 +10,7 @@ use btf_capture::{DirectionSet, Side};
 use btf_runtime::{
     Asset, DecodeOptions, HORIZON_COS, HeightField, HeightUse, Interpolation, Layer, LobeRole, LobeSetup, Neighbours,
     RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, SurfaceSide, ViewedTexel, block,
+    weighted_channels,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
@@ -76,6 +77,8 @@ pub struct ImageDecoder<'a> {
     /// Number of each cluster's first lobe in `setups`.
     first_lobe: Vec<usize>,
     tiles: Vec<TexelTile>,
+    /// What follows from the channels of an asset with a spectrum.
+    shown: Option<[[f32; 3]; 3]>,
 }
 
 /// Everything that all texels share at one pair of directions.
@@ -158,6 +161,7 @@ impl<'a> ImageDecoder<'a> {
             setups,
             first_lobe,
             tiles: texel_tiles(source, bases, options.lobes as usize),
+            shown: resident.spectrum().map(|spectrum| spectrum.shown),
         }
     }
 
@@ -180,6 +184,17 @@ impl<'a> ImageDecoder<'a> {
     /// Returns the numbers of clusters, of lobes of all of them, and of words of a residual row.
     pub(crate) fn counts(&self) -> [usize; 3] {
         [self.first_lobe.len(), self.setups.len(), self.used_words]
+    }
+
+    /// Returns this decoder of an asset with a spectrum, giving other values than the asset asks for: weights of the
+    /// channels, `[value][channel]`.
+    pub fn showing(self, shown: [[f32; 3]; 3]) -> ImageDecoder<'a> {
+        ImageDecoder { shown: self.shown.map(|_| shown), ..self }
+    }
+
+    /// Returns whether values follow from the channels of a spectrum.
+    pub(crate) fn is_spectral(&self) -> bool {
+        self.shown.is_some()
     }
 
     /// Returns the tiles of all texels of the layer, each texel once.
@@ -257,7 +272,7 @@ impl<'a> ImageDecoder<'a> {
                     Some(bases) => ViewedTexel::new_single(self.resident, bases, layer, texel, wo, &self.options),
                     None => ViewedTexel::new(self.resident, layer, texel, wo, &self.options),
                 };
-                viewed.light_alone(wi)
+                viewed.channels_alone(wi).unwrap_or([0.0; 3])
             })
             .collect()
     }
@@ -406,6 +421,24 @@ impl<'a> ImageDecoder<'a> {
     /// Cost: about 3 ns and 0.2 ns per basis a sample on one core.
     #[inline(always)]
     pub fn decode_tile<S: Simd>(
+        &self,
+        simd: S,
+        tile: &TexelTile,
+        weights: &BasisWeights,
+        plan: &PairPlan,
+        out: &mut TileRgb,
+    ) {
+        self.decode_channels(simd, tile, weights, plan, out);
+        let Some(shown) = &self.shown else { return };
+        for i in 0..TILE_TEXELS {
+            let channels = [out[0][i], out[1][i], out[2][i]];
+            (0..3).for_each(|value| out[value][i] = weighted_channels(&shown[value], channels));
+        }
+    }
+
+    /// Decodes the channels of `tile`'s texels.
+    #[inline(always)]
+    fn decode_channels<S: Simd>(
         &self,
         simd: S,
         tile: &TexelTile,

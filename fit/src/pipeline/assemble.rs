@@ -44,6 +44,7 @@ pub fn assemble(
             height,
             size_mm: None,
             seamless: [false; 2],
+            spectrum: None,
             material: String::new(),
             layers,
             levels: Vec::new(),

@@ -20,6 +20,8 @@ use crate::provenance::{FitRecord, Material};
 use crate::resume::checkpoint::Checkpoint;
 #[cfg(doc)]
 use crate::resume::checkpoint::remove_finished_stages;
+use crate::spectral::basis::SpectralBasis;
+use crate::spectral::measure::measure_capture;
 use crate::stages::lobe_dictionaries::LobeFigures;
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{Asset, Resident, pack};
@@ -48,6 +50,8 @@ pub struct Fitted {
     pub clusters: usize,
     /// Error that was minimised.
     pub error: ErrorMeasure,
+    /// Root mean square error of the bands in the root curve that stays if the channels are exact; `None` for colours.
+    pub spectral_rmse: Option<f64>,
 }
 
 /// Fits `captures`, one per layer, measures the packed asset against them (stage `measure`) and packs it
@@ -60,17 +64,37 @@ pub struct Fitted {
 /// # Errors
 /// As [`crate::fit()`] and [`measure`]; [`FitError::Budget`] if the description does not fit into the bytes asked for.
 pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> Result<Fitted, FitError> {
-    let params = &with_chosen_error(captures, params)?;
-    let checkpoint = Checkpoint::open(captures, params, monitor)?;
-    check_layers(captures)?;
-    let adapter = FitAdapter::new(captures, params, monitor);
-    let (outcome, images) = fit_from(captures, params, &checkpoint, &adapter, monitor)?;
+    let basis = if params.fits_colours() { None } else { SpectralBasis::of_captures(captures, monitor)? };
+    match &basis {
+        None => fit_channels(captures, captures, None, params, monitor),
+        Some(basis) => fit_channels(captures, &basis.channels(captures)?, Some(basis), params, monitor),
+    }
+}
+
+/// Fits `channels`, which are those of `basis` where there is one, and measures against `captures`.
+fn fit_channels(
+    captures: &[Capture],
+    channels: &[Capture],
+    basis: Option<&SpectralBasis>,
+    params: &ValidFitParams,
+    monitor: &Monitor,
+) -> Result<Fitted, FitError> {
+    let asked = params;
+    let params = &with_chosen_error(channels, &params.leaving(basis.map_or(0, spectrum_bytes)))?;
+    let checkpoint = Checkpoint::open(channels, params, monitor)?;
+    check_layers(channels)?;
+    let adapter = FitAdapter::new(channels, params, monitor);
+    let (outcome, images) = fit_from(channels, params, &checkpoint, &adapter, monitor)?;
     let FitOutcome { mut asset, lobe_use, lobes, components, clusters, left_out, .. } = outcome;
+    asset.spectrum = basis.map(SpectralBasis::spectrum);
     let resident = resident_in_parallel(&asset);
     let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
         let gpu = adapter.gpu()?;
         let comparisons = captures.iter().enumerate().map(|(layer, capture)| {
             let measuring = MeasureParams { layer, memory_bytes: params.memory_bytes(), ..MeasureParams::default() };
+            if basis.is_some() {
+                return measure_capture(capture, &asset, &resident, &measuring, monitor);
+            }
             let read = read_images(capture, images.as_ref());
             let images = CaptureImages::new(capture.info(), &read)?;
             let decoder = ImageDecoder::new(&asset, &resident, layer, &measuring.options);
@@ -86,11 +110,12 @@ pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &
     }
     let metrics = sums.metrics();
     let infos: Vec<&CaptureInfo> = captures.iter().map(Capture::info).collect();
-    let material = Material::new(&infos, FitRecord::new(params.asked(), components));
+    let material =
+        Material::new(&infos, FitRecord { bytes: asked.bytes(), ..FitRecord::new(params.asked(), components) });
     asset.size_mm = captures.iter().find_map(|capture| capture.info().size_mm);
     asset.material = Material { error: Some(metrics.rounded()), ..material }.to_json();
     let bytes = pack(&asset)?;
-    if params.bytes().is_some_and(|most| bytes.len() as u64 > most) {
+    if asked.bytes().is_some_and(|most| bytes.len() as u64 > most) {
         return Err(FitError::Budget(format!(
             "the asset has {} bytes with its description, more than --bytes allows; raise --bytes",
             bytes.len()
@@ -110,7 +135,13 @@ pub fn fit_and_measure(captures: &[Capture], params: &ValidFitParams, monitor: &
         components,
         clusters,
         error,
+        spectral_rmse: basis.map(|basis| basis.root_rmse),
     })
+}
+
+/// Returns the bytes that the spectrum of an asset takes at most, with its entry in the table of sections.
+fn spectrum_bytes(basis: &SpectralBasis) -> usize {
+    4 * (10 + 4 * basis.wavelengths_nm.len()) + 32 + 16
 }
 
 #[cfg(test)]

@@ -74,6 +74,7 @@ pub fn any_asset(bytes: &[u8]) -> Asset {
         height,
         size_mm: source.flag().then(|| [source.within(1e-3, 1e6), source.within(1e-3, 1e6)]),
         seamless: [source.flag(), source.flag()],
+        spectrum: None,
         material: String::from_utf8_lossy(&source.0[..source.0.len().min(40)]).into_owned(),
         layers,
         levels,

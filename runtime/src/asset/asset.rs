@@ -7,6 +7,7 @@ use crate::asset::limits::MAX_LEVELS;
 use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::relief::Relief;
 use crate::asset::residual::{Residual, ResidualKind};
+use crate::asset::spectrum::Spectrum;
 use crate::asset::sphere::Sphere;
 
 /// The side of the surface that a light or an eye is on.
@@ -157,6 +158,8 @@ pub struct Asset {
     /// Whether the left edge continues the right one, and the bottom edge the top one, so that repetitions show no
     /// seam.
     pub seamless: [bool; 2],
+    /// Bands of the channels; `None` where the channels are colours.
+    pub spectrum: Option<Spectrum>,
     /// Material description, JSON.
     pub material: String,
     /// One to four layers on one texel grid, that of the front; no two have the same sides.

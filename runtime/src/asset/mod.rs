@@ -13,4 +13,5 @@ pub(crate) mod lobe_weights;
 pub(crate) mod predicted_lobes;
 pub(crate) mod relief;
 pub(crate) mod residual;
+pub(crate) mod spectrum;
 pub(crate) mod sphere;

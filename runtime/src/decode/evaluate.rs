@@ -4,9 +4,11 @@
 
 use crate::asset::asset::SurfaceSide;
 use crate::asset::lobe::ResidentLobe;
+use crate::asset::spectrum::Spectrum;
 use crate::decode::lobe_queue::LobeQueue;
 use crate::decode::options::DecodeOptions;
 use crate::decode::part_queue::PartQueue;
+use crate::decode::shown::shown;
 use crate::decode::texel::Texel;
 use crate::decode::viewed_texel::ViewedTexel;
 use crate::resident::resident::Resident;
@@ -121,6 +123,32 @@ pub fn evaluate_many(
             }
         }
         parts.finish(values);
+        if resident.is_spectral() {
+            values.iter_mut().for_each(|value| *value = shown(resident.words(), *value));
+        }
+    }
+}
+
+/// Evaluates the bands of an asset with a [`Spectrum`], as [`evaluate`] does its colours, each at least 0. Bands come in the
+/// order of [`Resident::spectrum`], which must be that of `resident`.
+///
+/// # Panics
+/// If there is not a value for each band.
+pub fn evaluate_bands(
+    resident: &Resident,
+    spectrum: &Spectrum,
+    level: u32,
+    query: &Query,
+    options: &DecodeOptions,
+    values: &mut [f32],
+) {
+    assert_eq!(values.len(), spectrum.weights.len(), "a value for each band");
+    let channels = place(resident, level, query).and_then(|(layer, texel)| {
+        ViewedTexel::new(resident, layer, texel, query.wo, options).channels_alone(query.wi)
+    });
+    match channels {
+        None => values.fill(0.0),
+        Some(channels) => values.iter_mut().zip(spectrum.bands(channels)).for_each(|(value, band)| *value = band),
     }
 }
 
@@ -190,6 +218,7 @@ pub fn density(resident: &Resident, level: u32, query: &Query, options: &DecodeO
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::asset::Asset;
     use crate::asset::residual::ResidualKind;
     use crate::decode::decode::decode;
     use crate::testing::{Random, direction_from_degrees, sample_asset};
@@ -232,6 +261,42 @@ mod tests {
         let mut values = vec![[0.0; 3]; 500];
         evaluate_many(&resident, 0, &queries, &options, &mut values);
         assert!(queries.iter().zip(&values).all(|(query, value)| evaluate(&resident, 0, query, &options) == *value));
+    }
+
+    #[test]
+    fn bands_colours_and_many_at_once_are_sums_of_the_same_channels() {
+        let asset = crate::testing::sample_spectral_asset(6, 6, 5);
+        let resident = Resident::from_asset(&asset);
+        let (spectrum, mut random) = (resident.spectrum().unwrap(), Random::new(9));
+        assert_eq!(Some(&spectrum), asset.spectrum.as_ref());
+        // The asset's own channels, which colours hold as they are.
+        let channels = Resident::from_asset(&Asset { spectrum: None, ..asset });
+        assert!(!channels.is_spectral() && channels.spectrum().is_none());
+        let options = DecodeOptions::default();
+        let query = |random: &mut Random| {
+            let (wi, wo) = (random.direction(), random.direction());
+            Query { uv: [random.within(0.0, 1.0), random.within(0.0, 1.0)], wi, wo }
+        };
+        let queries: Vec<Query> = (0..300).map(|_| query(&mut random)).collect();
+        let mut many = vec![[0.0; 3]; queries.len()];
+        evaluate_many(&resident, 0, &queries, &options, &mut many);
+        let mut cut = 0;
+        for (query, of_many) in queries.iter().zip(many) {
+            let x = evaluate(&channels, 0, query, &options);
+            let sum = |weights: &[f32; 3]| (weights[0] * x[0] + weights[1] * x[1] + weights[2] * x[2]).max(0.0);
+            let value = evaluate(&resident, 0, query, &options);
+            assert_eq!((value, of_many), (spectrum.shown.each_ref().map(sum), value));
+            let mut bands = [0.0; 5];
+            evaluate_bands(&resident, &spectrum, 0, query, &options, &mut bands);
+            assert!(bands.iter().zip(&spectrum.weights).all(|(band, weights)| *band == sum(weights)));
+            cut += usize::from(value[0] == 0.0 && x[1] > 0.0);
+        }
+        assert!(cut > 10, "{cut}");
+        // Three of the bands, and nothing that is no number.
+        let mut three = resident.clone();
+        three.set_shown([spectrum.weights[4], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0]]);
+        let (first, rest) = (evaluate(&three, 0, &queries[0], &options), evaluate(&channels, 0, &queries[0], &options));
+        assert_eq!(first, [0.5 * rest[1], 0.0, 1000.0 * rest[0]]);
     }
 
     #[test]

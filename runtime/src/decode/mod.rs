@@ -11,6 +11,7 @@ pub(crate) mod part_queue;
 pub(crate) mod relief;
 pub(crate) mod residual_sum;
 pub(crate) mod sample;
+pub(crate) mod shown;
 #[cfg(test)]
 mod tests;
 pub(crate) mod texel;

@@ -16,6 +16,7 @@ use crate::decode::packed_sum::{MAX_PAIRS, packed_sum};
 use crate::decode::parallax::SeenBy;
 use crate::decode::relief::{OwnLight, ReliefTerms, SeenRelief};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, MAX_BLOCKS, fit_blocks, residual_sum};
+use crate::decode::shown::shown;
 use crate::decode::texel::Texel;
 use crate::numeric::in_vectors::in_vectors;
 use crate::resident::layout::block;
@@ -311,12 +312,19 @@ impl<'a> ViewedTexel<'a> {
     ///
     /// Cost: a search among the measured lights, the lobes, and up to three rows of residual.
     pub fn light(&self, rows: &mut LightRows, wi: [f32; 3]) -> [f32; 3] {
-        self.lit(wi).map_or([0.0; 3], |lit| self.value(Some(rows), &lit, &mut self.lobes(lit.toward)))
+        let mut channels = |lit: Lit| self.value(Some(rows), &lit, &mut self.lobes(lit.toward));
+        self.lit(wi).map_or([0.0; 3], |lit| shown(self.t.words, channels(lit)))
     }
 
     /// Returns the value of [`ViewedTexel::light`] for a light that shares its rows with no other.
     pub fn light_alone(&self, wi: [f32; 3]) -> [f32; 3] {
-        self.lit(wi).map_or([0.0; 3], |lit| self.value(None, &lit, &mut self.lobes(lit.toward)))
+        self.channels_alone(wi).map_or([0.0; 3], |channels| shown(self.t.words, channels))
+    }
+
+    /// Returns the values of the channels where [`ViewedTexel::light_alone`] gives what follows from them; `None` where
+    /// that is black.
+    pub fn channels_alone(&self, wi: [f32; 3]) -> Option<[f32; 3]> {
+        self.lit(wi).map(|lit| self.value(None, &lit, &mut self.lobes(lit.toward)))
     }
 
     /// Returns a function that evaluates one lobe for the light at `wi`.
@@ -383,7 +391,7 @@ impl<'a> ViewedTexel<'a> {
         }
     }
 
-    /// Returns the value for `lit`; `lobe` evaluates one lobe.
+    /// Returns the value of each channel for `lit`; `lobe` evaluates one lobe.
     pub(crate) fn value(
         &self,
         rows: Option<&mut LightRows>,

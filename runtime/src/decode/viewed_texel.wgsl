@@ -274,7 +274,7 @@ fn viewed_value(viewed: ViewedTexel, lit: Lit, found: ThreeRows) -> vec3<f32> {
     if t.edit > 0u {
         value = viewed_edited(viewed, value, lobes[0], lobes[1]);
     }
-    return value * lit.fall;
+    return shown_value(t.base, value * lit.fall);
 }
 
 // Applies the texel's edit to a measured value, given the measured lobe sum `here` and the edited one; the equation is

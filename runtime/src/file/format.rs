@@ -9,7 +9,7 @@ use crate::threads::serial;
 /// Magic number `SPMM` as a little-endian word.
 pub const MAGIC: u32 = u32::from_le_bytes(SPMM_NAMES.magic);
 /// Newest format version that this crate writes; it reads all from 1 on.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Alignment of the sections of a resident form, bytes: that of a GPU's bindings.
 pub const RESIDENT_ALIGNMENT: usize = 256;
 /// Length in bytes of each section of the resident form's words but the last: the size that WebGPU binds at least.
@@ -26,7 +26,7 @@ pub mod header {
     pub const HEIGHT: usize = 8;
     /// Channels of a sample (3).
     pub const CHANNELS: usize = 9;
-    /// Channel basis (0: linear sRGB primaries, D65).
+    /// Channel basis: 0 linear sRGB primaries, D65; 1 channels of a spectrum.
     pub const BASIS: usize = 10;
     /// Flags: bit 1 left and right edge continue each other, bit 2 top and bottom; bit 0 is reserved for signed
     /// weights.
@@ -103,6 +103,8 @@ pub enum SectionKind {
     SharedBasesPart = 19,
     /// Factor matrices as codes, where coefficients are predicted.
     FactorCodes = 20,
+    /// Bands of the whole asset, and how they follow from the channels.
+    Spectrum = 21,
 }
 
 impl SectionKind {
@@ -130,6 +132,7 @@ impl SectionKind {
             PredictedCoefficients,
             SharedBasesPart,
             FactorCodes,
+            Spectrum,
         ]
         .into_iter()
         .find(|known| *known as u32 == kind)
@@ -154,7 +157,7 @@ pub(crate) fn in_mm_range(size: [f32; 2]) -> bool {
 /// The header of an asset: everything it says about the whole file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Head {
-    /// Format version: 2 where something is there that version 1 does not know, else 1.
+    /// Format version: 3 for channels of a spectrum, 2 where something else is there that version 1 does not know, else 1.
     pub version: u32,
     /// Form of the file.
     pub form: Form,
@@ -168,6 +171,8 @@ pub struct Head {
     pub size_mm: Option<[f32; 2]>,
     /// Whether the left edge continues the right one, and the bottom edge the top one.
     pub seamless: [bool; 2],
+    /// Whether the channels are those of a spectrum.
+    pub spectral: bool,
 }
 
 /// The file format of assets, for [`FileFormat`].
@@ -188,7 +193,9 @@ impl FileFormat for Spmm {
         let width = header.within("width", header::WIDTH, [1, MAX_SIDE], "1 to 16384");
         let height = header.within("height", header::HEIGHT, [1, MAX_SIDE], "1 to 16384");
         header.within("channels", header::CHANNELS, [3, 3], "3");
-        header.within("basis", header::BASIS, [0, 0], "0 (linear sRGB)");
+        let newest = if header.word(header::VERSION) >= 3 { 1 } else { 0 };
+        let bases = if newest == 1 { "0 (linear sRGB) or 1 (a spectrum)" } else { "0 (linear sRGB)" };
+        let spectral = header.within("basis", header::BASIS, [0, newest], bases) == 1;
         let form = header.within("form", header::FORM, [0, 1], "0 or 1");
         for reserved in header::HEIGHT_MM + 1..HEADER_WORDS {
             header.within("reserved", reserved, [0, 0], "0");
@@ -205,7 +212,7 @@ impl FileFormat for Spmm {
             header.refuse("width_mm or height_mm", header::WIDTH_MM, allowed);
         }
         let form = if form == 0 { Form::File } else { Form::Resident };
-        Some(Head { version: header.word(header::VERSION), form, width, height, layers, size_mm, seamless })
+        Some(Head { version: header.word(header::VERSION), form, width, height, layers, size_mm, seamless, spectral })
     }
 
     fn write_head(head: &Head, words: &mut [u32]) {
@@ -213,6 +220,7 @@ impl FileFormat for Spmm {
         words[header::WIDTH] = head.width;
         words[header::HEIGHT] = head.height;
         words[header::CHANNELS] = 3;
+        words[header::BASIS] = u32::from(head.spectral);
         words[header::FLAGS] = (0..2).map(|axis| u32::from(head.seamless[axis]) << (SEAMLESS_BIT + axis as u32)).sum();
         words[header::FORM] = head.form as u32;
         let size_mm = head.size_mm.unwrap_or_default();

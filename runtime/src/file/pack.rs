@@ -14,6 +14,7 @@ use crate::asset::lobe::Lobe;
 use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::relief::Relief;
 use crate::asset::residual::{Coefficients, Factors, PredictedGroup, Residual};
+use crate::asset::spectrum::Spectrum;
 use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_plane};
 use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::FormatError;
@@ -84,6 +85,10 @@ fn write(asset: &Asset, streams: &[Vec<Vec<u8>>]) -> Result<Vec<u8>, FormatError
         let bytes = edit_bytes(asset)?;
         sections.push(SectionSource { kind: SectionKind::Edits, layer: 0, index: 0, bytes, ends_tier: false });
     }
+    if let Some(spectrum) = &asset.spectrum {
+        let bytes = bytes_from_words(&spectrum.to_words());
+        sections.push(SectionSource { kind: SectionKind::Spectrum, layer: 0, index: 0, bytes, ends_tier: false });
+    }
     let last = asset.layers.len() - 1;
     for (number, layer) in asset.layers.iter().enumerate() {
         push_base_sections(&mut sections, layer, asset.width, number as u32, number == last);
@@ -119,13 +124,18 @@ fn write(asset: &Asset, streams: &[Vec<Vec<u8>>]) -> Result<Vec<u8>, FormatError
         layer.lobe_role == LobeRole::Base || layer.lobe_weights.is_some() || predicted
     };
     let head = Head {
-        version: if asset.layers.iter().any(is_new) { 2 } else { 1 },
+        version: match asset.layers.iter().any(is_new) {
+            _ if asset.spectrum.is_some() => 3,
+            true => 2,
+            false => 1,
+        },
         form: Form::File,
         width: asset.width as u32,
         height: asset.height as u32,
         layers: asset.layers.len() as u32,
         size_mm: asset.size_mm,
         seamless: asset.seamless,
+        spectral: asset.spectrum.is_some(),
     };
     write_file_of::<Spmm>(&head, &sections)
 }
@@ -138,6 +148,11 @@ fn check_head(asset: &Asset) -> Result<(), FormatError> {
     }
     if !asset.size_mm.is_none_or(in_mm_range) {
         return refuse("its physical size must be above 0 mm and at most 1000000 mm");
+    }
+    if !asset.spectrum.as_ref().is_none_or(Spectrum::is_valid) {
+        return refuse(
+            "its bands must be 1 to 256 ascending wavelengths of 100 to 20000 nm with weights of at most 1000",
+        );
     }
     if asset.layers.is_empty() || asset.layers.len() > MAX_LAYERS {
         return refuse("it must have 1 to 4 layers");

@@ -14,6 +14,7 @@ use crate::asset::lobe::{FILE_WORDS, Lobe};
 use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::relief::Relief;
 use crate::asset::residual::{Basis, Coefficients, Factors, PredictedGroup, Residual, ResidualKind, SharedBases};
+use crate::asset::spectrum::Spectrum;
 use crate::asset::sphere::Sphere;
 use crate::container::directory::{Directory, read_directory_of};
 use crate::container::entropy::{Decoder, Signed, bounded, code_columns, code_plane};
@@ -80,11 +81,18 @@ pub(crate) fn examine_asset(
         let section = "Edits 0 of layer 0".into();
         faults.push(FormatError::Section { section, reason: rule::EDITS_TOO_LARGE });
     }
+    let spectrum = match head.spectral {
+        true => {
+            let reader = sections.get(SectionKind::Spectrum, 0, 0, faults);
+            reader.and_then(|reader| faults.keep(read_spectrum(reader))).map(Some)
+        }
+        false => Some(None),
+    };
     let levels = read_levels(&sections, &layers, [width, height], threads, faults);
-    let (material, edits) = (material?, edits?);
+    let (material, edits, spectrum) = (material?, edits?, spectrum?);
     let layers = layers.into_iter().collect::<Option<Vec<_>>>()?;
-    let asset =
-        Asset { width, height, size_mm: head.size_mm, seamless: head.seamless, material, layers, levels, edits };
+    let Head { size_mm, seamless, .. } = head;
+    let asset = Asset { width, height, size_mm, seamless, spectrum, material, layers, levels, edits };
     (faults.len() == before && sections.damaged.is_empty()).then_some(asset)
 }
 
@@ -322,6 +330,15 @@ fn read_lobe_weights(
     let nodes = counts.iter().map(|nodes| (0..*nodes).map(&mut node).collect()).collect();
     let nodes_from = if words[2] == 1 { Nodes::Stored } else { Nodes::OfTexels(count) };
     Ok((LobeWeights { step, units, codes, nodes }, nodes_from))
+}
+
+fn read_spectrum(mut reader: Reader) -> Result<Spectrum, FormatError> {
+    let words = reader.words(reader.bytes.len() / 4)?;
+    reader.end()?;
+    match Spectrum::from_words(&words) {
+        Some((spectrum, length)) if length == words.len() => Ok(spectrum),
+        _ => reader.bad(rule::SPECTRUM),
+    }
 }
 
 fn read_sphere(mut reader: Reader) -> Result<Sphere, FormatError> {

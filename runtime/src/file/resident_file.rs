@@ -8,6 +8,7 @@ use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::FormatError;
 use crate::file::format::{Form, Head, MAGIC, PIECE_BYTES, SectionKind, Spmm, header, in_mm_range};
 use crate::resident::check::{BrokenWords, check_resident};
+use crate::resident::layout::SPECTRUM;
 use crate::resident::resident::{Resident, ResidentBytes};
 use crate::rule;
 use crate::threads::Threads;
@@ -77,13 +78,18 @@ impl ResidentFile {
         }
         let is_new = |layer| resident.lobe_role(layer) == LobeRole::Base as u32 || resident.is_packed(layer);
         let head = Head {
-            version: if (0..resident.layers()).any(is_new) { 2 } else { 1 },
+            version: match (0..resident.layers()).any(is_new) {
+                _ if resident.is_spectral() => 3,
+                true => 2,
+                false => 1,
+            },
             form: Form::Resident,
             width: resident.width(),
             height: resident.height(),
             layers: resident.layers(),
             size_mm: self.size_mm,
             seamless: self.seamless,
+            spectral: resident.is_spectral(),
         };
         write_file_of::<Spmm>(&head, &sections)
     }
@@ -133,8 +139,14 @@ pub(crate) fn examine_resident(
         } as u64;
         faults.push_at(error, block.map(|[_, layer]| layer), Some(first_byte + 4 * at));
     }
+    let mut whole = broken.is_empty();
+    if whole && resident.is_spectral() != head.spectral {
+        let error = FormatError::Section { section: "Words".into(), reason: rule::SPECTRUM_WORDS };
+        faults.push_at(error, None, Some(first_byte + 4 * SPECTRUM as u64));
+        whole = false;
+    }
     let file = ResidentFile { resident, size_mm: head.size_mm, seamless: head.seamless, material: material? };
-    broken.is_empty().then_some(file)
+    whole.then_some(file)
 }
 
 /// Returns the range of bytes of the words that these sections hold in pieces.

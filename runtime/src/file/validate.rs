@@ -178,6 +178,7 @@ fn is_read(asset: &Asset, [kind, layer, index]: [u32; 3]) -> bool {
     match SectionKind::from_number(kind) {
         None => true,
         Some(Material | Edits) => layer == 0 && index == 0,
+        Some(Spectrum) => layer == 0 && index == 0 && asset.spectrum.is_some(),
         Some(Layer | TexelClusters | TexelLobeCounts | Dictionary | LobeRefs | Height | Relief | LobeWeights) => {
             index == 0
         }

@@ -8,7 +8,7 @@ use crate::asset::limits::channel_words;
 use crate::asset::residual::Residual;
 use crate::resident::expansion::Expansion;
 use crate::resident::layout::{
-    ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block, level_size,
+    ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, SPECTRUM, block, level_size,
 };
 use crate::resident::packed_bases::{PackedLayer, packed_bases};
 use crate::resident::packed_widths::PackedGoal;
@@ -153,6 +153,11 @@ fn words_without_bases(asset: &Asset, packed: &[Option<PackedLayer>]) -> Vec<u32
     words[1] = asset.height as u32;
     words[2] = asset.layers.len() as u32;
     words[4] = 1 + asset.levels.len() as u32;
+    if let Some(spectrum) = &asset.spectrum {
+        words[SPECTRUM] = words.len() as u32;
+        words.extend(spectrum.to_words());
+        begin_part(&mut words);
+    }
     for (number, layer) in asset.layers.iter().enumerate() {
         let block = words.len();
         words[ASSET_LAYERS + number] = block as u32;

@@ -12,9 +12,10 @@ use crate::asset::limits::{
 use crate::asset::lobe::{LobeFamily, RESIDENT_WORDS};
 use crate::asset::relief::{RELIEF_WORDS, Relief};
 use crate::asset::residual::ResidualKind;
+use crate::asset::spectrum::Spectrum;
 use crate::asset::sphere::Sphere;
 use crate::resident::layout::{
-    ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, block,
+    ASSET_LAYERS, ASSET_WORDS, HORIZON_COS, LAYER_BLOCK_WORDS, MIN_HORIZON_COS, PART_WORDS, SPECTRUM, block,
 };
 use crate::resident::packed_part::{
     MAX_UNIT, PACKED_PLACES, PLACE_WORDS, PackedBasis, code_words as code_words_of, row_words,
@@ -77,8 +78,13 @@ fn check_head(words: &[u32], [width, height, layers]: [u32; 3]) -> Result<(usize
     if words.len() < ASSET_WORDS || words[3] as usize != words.len() || words[5] as usize > words.len() {
         return Err(rule::WORDS_LENGTH);
     }
-    if words[..3] != [width, height, layers] || words[6] | words[7] != 0 {
+    if words[..3] != [width, height, layers] || words[7] != 0 {
         return Err(rule::WORDS_HEAD);
+    }
+    let at = words[SPECTRUM] as usize;
+    let is_place = at >= ASSET_WORDS && at.is_multiple_of(PART_WORDS) && at < words.len();
+    if at != 0 && !(is_place && Spectrum::from_words(&words[at..]).is_some()) {
+        return Err(rule::SPECTRUM_WORDS);
     }
     let (levels, layers) = (words[4] as usize, layers as usize);
     let most = 1 + level_sizes([width, height].map(|side| side.clamp(1, MAX_SIDE) as usize)).len();

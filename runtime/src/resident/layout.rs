@@ -4,8 +4,10 @@
 use crate::asset::limits::{MAX_LAYERS, MAX_LEVELS};
 
 /// Number of words before the offsets of the layers' blocks: width, height, layers, total words, levels, words without
-/// the edits (0 if none were ever made), two zeros. The offsets follow level by level.
+/// the edits (0 if none were ever made), the offset of the spectrum (0 for colours), a zero. The offsets follow level by level.
 pub const ASSET_LAYERS: usize = 8;
+/// Word that holds the offset of the spectrum.
+pub const SPECTRUM: usize = 6;
 /// Number of words before the first layer block.
 pub const ASSET_WORDS: usize = (ASSET_LAYERS + MAX_LAYERS * MAX_LEVELS).next_multiple_of(PART_WORDS);
 /// Number of words of a layer block.

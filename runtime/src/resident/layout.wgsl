@@ -1,5 +1,6 @@
 // The layout of a resident asset's words, relative to the asset's first. Twin: resident/layout.rs, which has the contents.
 
+const ASSET_SPECTRUM: u32 = 6u;
 const ASSET_LAYERS: u32 = 8u;
 const BLOCK_LIGHT_SIDE: u32 = 0u;
 const BLOCK_VIEW_SIDE: u32 = 1u;

@@ -4,8 +4,9 @@
 
 use crate::asset::asset::SurfaceSide;
 use crate::asset::relief::Relief;
+use crate::asset::spectrum::{MAX_BAND_WEIGHT, SPECTRUM_HEAD, Spectrum};
 use crate::asset::sphere::direction;
-use crate::resident::layout::{ASSET_LAYERS, LAYER_BLOCK_WORDS, block, level_size};
+use crate::resident::layout::{ASSET_LAYERS, LAYER_BLOCK_WORDS, SPECTRUM, block, level_size};
 use crate::resident::packed_table::PackedTable;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -91,6 +92,34 @@ impl Resident {
             let words = self.own_words();
             block::RELIEF_NUMBERS.iter().zip(relief.numbers()).for_each(|(field, x)| words[at + field] = x.to_bits());
         }
+    }
+
+    /// Returns whether the asset's channels are no colours.
+    pub fn is_spectral(&self) -> bool {
+        self.words()[SPECTRUM] != 0
+    }
+
+    /// Returns the bands of the asset; `None` where its channels are colours. Cost: a copy.
+    pub fn spectrum(&self) -> Option<Spectrum> {
+        let at = self.words()[SPECTRUM] as usize;
+        if at == 0 {
+            return None;
+        }
+        Spectrum::from_words(&self.words()[at..]).map(|(spectrum, _)| spectrum)
+    }
+
+    /// Replaces [`Spectrum::shown`], what decoders give; each number is clamped to [`MAX_BAND_WEIGHT`]. An asset of colours
+    /// stays as it is. Returns the range of words that changed.
+    pub fn set_shown(&mut self, shown: [[f32; 3]; 3]) -> Range<usize> {
+        let at = self.words()[SPECTRUM] as usize;
+        if at == 0 {
+            return 0..0;
+        }
+        let range = at + 1..at + SPECTRUM_HEAD;
+        let held = |x: &f32| x.clamp(-MAX_BAND_WEIGHT, MAX_BAND_WEIGHT);
+        let numbers = shown.as_flattened().iter().map(|x| if x.is_nan() { 0.0 } else { held(x) });
+        self.own_words()[range.clone()].iter_mut().zip(numbers).for_each(|(word, x)| *word = x.to_bits());
+        range
     }
 
     /// Returns the words, which a storage buffer holds as they are.

@@ -8,6 +8,7 @@ use crate::asset::lobe::{Lobe, LobeFamily};
 use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::relief::Relief;
 use crate::asset::residual::{Basis, Coefficients, Factors, PredictedGroup, Residual, ResidualKind, SharedBases};
+use crate::asset::spectrum::Spectrum;
 use crate::asset::sphere::Sphere;
 use crate::testing::random::{Random, direction_from_cos, ring_directions};
 use half::f16;
@@ -88,6 +89,7 @@ pub fn sample_asset(seed: u64, width: usize, height: usize, kind: ResidualKind) 
         height,
         size_mm: Some([30.0, 25.0]),
         seamless: [true, false],
+        spectrum: None,
         material,
         layers: vec![layer],
         levels: Vec::new(),
@@ -109,6 +111,16 @@ pub fn sample_predicted_asset(seed: u64, width: usize, height: usize, kind: Resi
     layer.lobe_weights = Some(weights);
     layer.predict_lobes();
     asset
+}
+
+/// Returns an asset like [`sample_asset`] of five bands, whose shown values mix the channels and are cut at 0 at times.
+pub fn sample_spectral_asset(seed: u64, width: usize, height: usize) -> Asset {
+    let spectrum = Spectrum {
+        wavelengths_nm: vec![450.0, 550.0, 650.0, 750.0, 950.5],
+        weights: vec![[0.0, 0.1, 0.9], [0.1, 0.9, 0.1], [0.8, 0.1, -0.3], [1.5, 0.0, 0.0], [0.0, 0.5, 0.0]],
+        shown: [[1.2, -0.6, 0.0], [-0.1, 0.9, 0.2], [0.0, 0.3, 0.7]],
+    };
+    Asset { spectrum: Some(spectrum), ..sample_asset(seed, width, height, ResidualKind::Root) }
 }
 
 /// Returns an asset like [`sample_predicted_asset`] whose coefficients are smooth over the texels and are predicted in two

@@ -7,7 +7,7 @@ from spmm.entropy_coder import Decoder, must
 
 MATERIAL, LAYER, DIRECTIONS, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS, DICTIONARY, LOBE_REFS = range(1, 8)
 FACTORS, SHARED_BASES, BASIS, COEFFICIENTS, HEIGHT, LEVEL, EDITS, WORDS = range(8, 16)
-LOBE_WEIGHTS, RELIEF, PREDICTED_COEFFICIENTS, SHARED_BASES_PART, FACTOR_CODES = range(16, 21)
+LOBE_WEIGHTS, RELIEF, PREDICTED_COEFFICIENTS, SHARED_BASES_PART, FACTOR_CODES, SPECTRUM = range(16, 22)
 
 
 class Section:
@@ -104,19 +104,30 @@ class Header(Container):
     """An asset's."""
 
     def __init__(self, data):
-        super().__init__(data, b"SPMM", (1, 2))
+        super().__init__(data, b"SPMM", (1, 2, 3))
         words = self.words
-        self.layers, self.width, self.height, channels, basis, self.flags = words[6:12]
+        self.layers, self.width, self.height, channels, self.basis, self.flags = words[6:12]
         ranges = (self.layers, 4), (self.width, 16384), (self.height, 16384)
         must(all(1 <= x <= most for x, most in ranges), "a count of the header is out of its range")
-        must(channels == 3 and basis == 0 and self.flags & ~6 == 0, "channels, basis or flags are not known")
+        must(channels == 3 and self.flags & ~6 == 0, "channels or flags are not known")
+        must(self.basis <= (1 if words[1] >= 3 else 0), "the basis is not known")
         must(not any(words[17:]), "a reserved word of the header is not zero")
         self.form, self.size_mm = words[14], struct.unpack("<2f", data[60:68])
         must(self.form <= 1, "the form is not known")
         must(self.size_mm == (0, 0) or all(0 < x <= 1e6 for x in self.size_mm), "the physical size is out of its range")
-        self.read_tables(256 if self.form == 1 else 16, self.layers, range(MATERIAL, FACTOR_CODES + 1))
+        self.read_tables(256 if self.form == 1 else 16, self.layers, range(MATERIAL, SPECTRUM + 1))
         must(self.form == 0 or len(self.tiers) == 1, "the resident form has one tier")
         self.material = str(self.section(MATERIAL, 0).data, "utf-8")
+
+
+def spectrum(count, numbers):
+    """`shown` of a spectrum of so many bands; `numbers(n)` takes the next n numbers."""
+    must(1 <= count <= 256, "the number of bands is out of its range")
+    shown, wavelengths, weights = numbers(9), numbers(count), numbers(3 * count)
+    must(all(100 <= nm <= 20000 for nm in wavelengths), "a wavelength is out of its range")
+    must(all(a < b for a, b in zip(wavelengths, wavelengths[1:])), "wavelengths do not rise")
+    must(all(abs(weight) <= 1000 for weight in (*shown, *weights)), "a weight of a band is out of its range")
+    return [shown[3 * i : 3 * i + 3] for i in range(3)]
 
 
 def sides_of_levels(width, height):

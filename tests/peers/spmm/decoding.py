@@ -124,6 +124,8 @@ class Layer:
     codes: list = field(default_factory=list)
     residual: Optional[Callable] = None
     relief: Optional[Relief] = None
+    # Of each shown value the weights of the channels, where there is a spectrum.
+    shown: Optional[list] = None
 
 
 # model.md, section 3
@@ -604,4 +606,8 @@ def decode(levels, layer, level, texel, wi, wo, rule):
             for tint, x, s0, s1 in zip(edit.tint, value, s, changed)
         ]
     # Beyond the measured lights the value at their hull falls.
-    return [x * fade * (beyond if falls else 1) for x in value]
+    value = [x * fade * (beyond if falls else 1) for x in value]
+    # 11. Spectrum
+    if layer.shown:
+        return [max(0, sum(w * min(x, 1e30) for w, x in zip(row, value))) for row in layer.shown]
+    return value

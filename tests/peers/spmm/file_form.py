@@ -6,8 +6,8 @@ from functools import cache
 
 from spmm.container import BASIS, COEFFICIENTS, DICTIONARY, DIRECTIONS, EDITS, FACTORS, HEIGHT, LAYER, LEVEL
 from spmm.container import FACTOR_CODES, LOBE_REFS, LOBE_WEIGHTS, PREDICTED_COEFFICIENTS, RELIEF, SHARED_BASES
-from spmm.container import SHARED_BASES_PART, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS
-from spmm.container import sides_of_levels
+from spmm.container import SHARED_BASES_PART, SPECTRUM, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS
+from spmm.container import sides_of_levels, spectrum
 from spmm.decoding import BASE, ROOT, WINDOWED_COSINE, Edit, Layer, Lobe, Relief, carried, clamp, curve, edited_lobe
 from spmm.decoding import keep, lobe_value, raised, relief_record, within_ranges, within_relief_ranges
 from spmm.directions import direction_set, single
@@ -27,6 +27,13 @@ def read(header, show):
     for i, edit in enumerate(edits, 1):
         show(f"edit {i}", edit)
     layers = [read_layer(header, i, edits, texel_edits, show) for i in range(header.layers)]
+    if header.basis == 1:
+        part = header.section(SPECTRUM, 0)
+        (count,) = part.numbers("I", 1)
+        shown = spectrum(count, lambda n: part.numbers("f", n))
+        part.end()
+        for layer, _ in layers:
+            layer.shown = shown
     sides = [(layer.light_side, layer.view_side) for layer, _ in layers]
     must(len(set(sides)) == len(sides), "two layers have the same sides")
     levels = [[layer for layer, _ in layers]]

@@ -2,7 +2,9 @@
 //! then each test prints one line `skipped: ...` and passes.
 
 use crate::support::{ABSOLUTE, RELATIVE, backends, count_differences, difference, gpu, tracers};
-use btf_runtime::testing::{Random, dense_asset, sample_asset, sample_heights, sample_relief_asset};
+use btf_runtime::testing::{
+    Random, dense_asset, sample_asset, sample_heights, sample_relief_asset, sample_spectral_asset,
+};
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, HeightUse, Heights, Interpolation, LobeRole, PackedGoal, Resident, ResidualKind,
     decode, pack, serial, with_levels,
@@ -121,6 +123,28 @@ fn gpu_decodes_relief_like_the_cpu() {
         // Planted difference: no relief.
         let plain = cpu(&DecodeOptions { heights: HeightUse::Parallax, ..options });
         assert!(count_differences(&plain, &found) > SAMPLES / 10, "{}", tracer.name());
+    }
+}
+
+#[test]
+fn gpu_decodes_a_spectrum_like_the_cpu() {
+    let Some(gpu) = gpu("gpu_decodes_a_spectrum_like_the_cpu") else { return };
+    const SAMPLES: usize = 20_000;
+    let asset = with_levels(&sample_spectral_asset(8, 24, 16), &serial);
+    let resident = Resident::from_asset(&asset);
+    let queries = random_queries(&resident, 9, SAMPLES);
+    let options = DecodeOptions::default();
+    let cpu = |resident: &Resident| -> Vec<[f32; 3]> {
+        queries.iter().map(|q| decode(resident, q.layer, q.texel, q.wi, q.wo, &options)).collect()
+    };
+    let found = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap();
+    assert_eq!(count_differences(&cpu(&resident), &found), 0);
+    // Planted differences: other weights, and the channels as colours.
+    let mut other = resident.clone();
+    assert_eq!(other.set_shown([[0.5, 0.5, 0.0]; 3]).len(), 9);
+    let colours = Resident::from_asset(&Asset { spectrum: None, ..asset });
+    for planted in [&other, &colours] {
+        assert!(count_differences(&cpu(planted), &found) > SAMPLES / 3);
     }
 }
 
