@@ -146,6 +146,16 @@ pub enum CaptureError {
         /// The folder or archive.
         path: String,
     },
+    /// A table that is no curves over wavelength.
+    #[error("{path} cannot be used as {what}: {reason}")]
+    BadCurves {
+        /// The table.
+        path: String,
+        /// What it was to be.
+        what: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// A capture whose bands are asked for, and which has none.
     #[error("{name} is no capture in spectral bands: {reason}")]
     NotSpectral {

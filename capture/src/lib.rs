@@ -63,6 +63,7 @@ pub use atomic::{AtomicFile, write_file_atomically};
 pub use capture::{Capture, Pixels, Snapped};
 pub use colour::cie;
 pub use colour::ciede::{Lab, LabConverter, delta_e00, lab_from_linear};
+pub use colour::illuminant::{Illuminant, Observer, shown_weights};
 pub use colour::spectrum::{rgb_of, rgb_weights};
 pub use colour::transfer::Transfer;
 pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};

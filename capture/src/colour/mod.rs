@@ -2,5 +2,6 @@
 
 pub mod cie;
 pub mod ciede;
+pub(crate) mod illuminant;
 pub(crate) mod spectrum;
 pub(crate) mod transfer;

@@ -455,6 +455,8 @@ mod tests {
             tone_curve: None,
         };
         let result = FitResult {
+            bands: None,
+            spectral_rmse: None,
             asset: "a.spmm".into(),
             bytes: 5,
             seconds: 3.0,

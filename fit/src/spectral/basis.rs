@@ -158,15 +158,16 @@ fn order_by_wavelength(spectra: &mut Array2<f32>, shares: &mut Array2<f32>) {
 
 /// Returns the matrix `[band, channel]` that tells `shares` of `samples` with the least squares, each row times its weight.
 fn least_squares(samples: &Array2<f32>, shares: &Array2<f32>, weights: &[f32]) -> Array2<f32> {
+    // In double precision: smooth spectra hardly span more than a few dimensions.
+    let [samples, shares] = [samples, shares].map(|numbers| numbers.mapv(f64::from));
     let mut weighted = samples.clone();
-    weighted.rows_mut().into_iter().zip(weights).for_each(|(mut row, weight)| row *= *weight);
-    let (gram, cross) = (weighted.t().dot(samples), weighted.t().dot(shares));
+    weighted.rows_mut().into_iter().zip(weights).for_each(|(mut row, weight)| row *= f64::from(*weight));
+    let (gram, cross) = (weighted.t().dot(&samples), weighted.t().dot(&shares));
     let bands = samples.ncols();
-    let trace: f64 = (0..bands).map(|i| f64::from(gram[[i, i]])).sum();
-    let ridge = RIDGE * trace / bands as f64 + 1e-12;
-    let matrix = DMatrix::from_fn(bands, bands, |i, j| f64::from(gram[[i, j]]) + if i == j { ridge } else { 0.0 });
-    let right = DMatrix::from_fn(bands, 3, |i, j| f64::from(cross[[i, j]]));
-    let solved = matrix.cholesky().map(|cholesky| cholesky.solve(&right)).unwrap_or(right * 0.0);
+    let ridge = RIDGE * gram.diag().sum() / bands as f64 + 1e-12;
+    let matrix = DMatrix::from_fn(bands, bands, |i, j| gram[[i, j]] + if i == j { ridge } else { 0.0 });
+    let right = DMatrix::from_fn(bands, 3, |i, j| cross[[i, j]]);
+    let solved = matrix.cholesky().map_or_else(|| DMatrix::zeros(bands, 3), |cholesky| cholesky.solve(&right));
     Array2::from_shape_fn((bands, 3), |(i, j)| solved[(i, j)] as f32)
 }
 
