@@ -68,6 +68,7 @@ pub use colour::spectrum::{rgb_of, rgb_weights};
 pub use colour::transfer::Transfer;
 pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use error::CaptureError;
+pub use images::band_file::write_bands_exr;
 pub use images::bands::MAX_BANDS;
 pub use images::decoded::MIN_LINEAR;
 pub use images::encode8::Encoder8;

@@ -1,5 +1,6 @@
 //! Image files: png, jpg, exr, hdr.
 
+pub(crate) mod band_file;
 pub(crate) mod bands;
 pub(crate) mod corrections;
 pub(crate) mod decoded;

@@ -1,6 +1,7 @@
 //! The command line of `btf-view`: one file per command, and what they share.
 
 mod assets;
+mod band_picture;
 mod bench;
 mod gpu_bench;
 mod headless;

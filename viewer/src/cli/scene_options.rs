@@ -2,8 +2,10 @@
 
 use super::parse::{parse_positive, parse_seconds, parse_size};
 use super::render_arguments::RenderArguments;
+use btf_capture::{Illuminant, Observer, shown_weights};
 use btf_viewer::{Ambient, Daylight, DaylightParts, Environment, Outdoors, Scene, ViewerError};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// How a scene is lit, and the picture or window that shows it.
 #[derive(clap::Args)]
@@ -35,6 +37,16 @@ pub(super) struct PictureArguments {
     /// What lies farther away does not occlude, scene units [default: half the scene's radius]; turns --ao on
     #[arg(long, value_name = "D", value_parser = parse_positive)]
     pub(super) ao_distance: Option<f32>,
+    /// Light under which assets in spectral bands are seen: D65, A, E or a table (CSV) of nm and power [default: D65]
+    #[arg(long, value_name = "NAME|FILE")]
+    pub(super) illuminant: Option<String>,
+    /// Eye or camera that sees assets in spectral bands: 1931, or a table (CSV) of nm and three sensitivities
+    /// [default: 1931]
+    #[arg(long, value_name = "NAME|FILE")]
+    pub(super) observer: Option<String>,
+    /// Renders band by band into the .exr of --out, a channel for each band; lamps count by their brightness
+    #[arg(long, requires = "headless", conflicts_with_all = ["illuminant", "observer", "environment", "daylight", "turntable", "sequence"])]
+    pub(super) bands: bool,
     /// Exposure in stops [default: 0, or the scene's own]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     pub(super) exposure: Option<f32>,
@@ -82,6 +94,29 @@ pub(super) fn choose_camera(scene: &mut Scene, number: u32) -> Result<(), Viewer
         scene.camera = *scene.more_cameras.get(number as usize - 2).ok_or_else(|| {
             ViewerError::Usage(format!("--camera {number}: the scene has {}", scene.more_cameras.len() + 1))
         })?;
+    }
+    Ok(())
+}
+
+/// Shows the scene's assets in bands as the options ask for.
+///
+/// # Errors
+/// [`ViewerError::Usage`] where no asset has bands; the errors of tables.
+pub(super) fn see_scene(scene: &mut Scene, arguments: &PictureArguments) -> Result<(), ViewerError> {
+    if arguments.illuminant.is_none() && arguments.observer.is_none() {
+        return Ok(());
+    }
+    let illuminant = Illuminant::by_name(arguments.illuminant.as_deref().unwrap_or("D65"))?;
+    let observer = Observer::by_name(arguments.observer.as_deref().unwrap_or("1931"))?;
+    if scene.assets.iter().all(|asset| asset.spectrum().is_none()) {
+        return Err(ViewerError::Usage(
+            "--illuminant and --observer are for assets in spectral bands, of which the scene has none; fit a capture in \
+             bands, such as that of `btf-synth leaf LEAF --bands 31`"
+                .into(),
+        ));
+    }
+    for asset in &mut scene.assets {
+        Arc::make_mut(asset).show_bands(|nm| shown_weights(nm, &illuminant, &observer));
     }
     Ok(())
 }

@@ -1,7 +1,8 @@
 //! Shows a scene: in a window, or as pictures in files.
 
+use super::band_picture::write_bands;
 use super::headless::write_pictures;
-use super::scene_options::PictureArguments;
+use super::scene_options::{PictureArguments, see_scene};
 use btf_viewer::{LandscapeCounts, RenderParams, Scene, SceneAsset, ViewerError, WindowParams, run_window};
 use std::sync::Arc;
 
@@ -26,12 +27,16 @@ pub(super) fn show(
                 .into(),
         ));
     }
+    see_scene(&mut scene, arguments)?;
     render.pack(&mut scene.assets)?;
     scene.blow(arguments.time.unwrap_or(0.0))?;
     match &arguments.out {
         Some(out) => {
             let size = arguments.size.unwrap_or([512, 512]);
             let params = RenderParams { size, frames: arguments.frames, backend, adapter, shade, target_ms };
+            if arguments.bands {
+                return write_bands(arguments, &mut scene, &params, out);
+            }
             write_pictures(arguments, &scene, params, out, counts)
         }
         None => run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare }),

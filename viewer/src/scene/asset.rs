@@ -3,7 +3,7 @@
 use crate::error::ViewerError;
 use btf_capture::SharedBytes;
 use btf_runtime::{
-    Asset, Edits, FormatError, HeightField, PackedGoal, Resident, ResidentFile, SurfaceSide, with_levels,
+    Asset, Edits, FormatError, HeightField, PackedGoal, Resident, ResidentFile, Spectrum, SurfaceSide, with_levels,
 };
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -187,6 +187,26 @@ impl SceneAsset {
         self.expanded.get_mut().into_iter().for_each(|resident| resident.set_edits(&edits, &file.whole.layers));
         file.whole.edits = edits.clone();
         file.asset.edits = edits;
+    }
+
+    /// Returns the bands of the asset; `None` where its channels are colours.
+    pub fn spectrum(&self) -> Option<Spectrum> {
+        self.head.spectrum()
+    }
+
+    /// Shows what `weights` make of the bands of an asset that has any, in place of colours under D65: of the bands'
+    /// wavelengths in nanometres the weights `[band][channel]`.
+    pub fn show_bands(&mut self, weights: impl Fn(&[f64]) -> Vec<[f32; 3]>) {
+        let Some(spectrum) = self.spectrum() else { return };
+        let nm: Vec<f64> = spectrum.wavelengths_nm.iter().map(|nm| f64::from(*nm)).collect();
+        let shown = spectrum.shown_through(&weights(&nm));
+        self.head.set_shown(shown);
+        self.expanded.get_mut().into_iter().for_each(|resident| drop(resident.set_shown(shown)));
+        if let Some(file) = &mut self.file {
+            for asset in [&mut file.asset, &mut file.whole] {
+                asset.spectrum.iter_mut().for_each(|spectrum| spectrum.shown = shown);
+            }
+        }
     }
 
     /// Returns the residual components of the layer that has most.
