@@ -5,26 +5,18 @@ use std::sync::Arc;
 
 use crate::colour::transfer::Transfer;
 use crate::error::CaptureError;
-use crate::images::bands::{BandSums, Weighing};
+use crate::image_file::ImageFile;
+use crate::images::bands::{BandReading, BandSums, Weighing};
 use crate::images::corrections::{Corrections, Light, MIN_FLAT, linear, nearest_valid};
 use crate::images::decoded::{DecodedImage, ImageFault, MIN_LINEAR, Samples};
-use crate::images::file_format::{self, FileFormat};
+use crate::images::file_format::FileFormat;
 use crate::images::homography::{is_within, rectify};
 use crate::info::{CaptureInfo, ImageFormat};
 use crate::layout::grid::{Grid, GridImage, Shot, grid_of, snap};
 use crate::layout::manifest::{self, MANIFEST_NAME, MAX_MANIFEST_BYTES, Reading};
-use crate::layout::source::{MAX_FILE_BYTES, Source, safe_name};
+use crate::layout::source::{Source, safe_name};
 use crate::layout::{bonn, list};
 use crate::ubo2014::{Container, ContainerInfo, is_container};
-
-/// Bytes that an image file may have whatever its size in texels, for headers, thumbnails and profiles.
-const FREE_FILE_BYTES: u64 = 4 << 20;
-
-/// Most bytes of an image file per texel: sixteen float channels.
-const MAX_BYTES_PER_TEXEL: u64 = 64;
-
-/// Most bytes of an EXR file per texel: 256 float channels, because channels may be wavelengths.
-const MAX_SPECTRAL_BYTES_PER_TEXEL: u64 = 1024;
 
 /// A capture of any kind, open for reading from any number of threads. A clone is another handle of the same images.
 #[derive(Debug, Clone)]
@@ -55,6 +47,10 @@ pub(crate) enum Images {
     Files {
         source: Source,
         format: FileFormat,
+        /// Format in which files with the samples of the first would be written.
+        written_as: ImageFormat,
+        /// Wavelengths of the bands in nanometres that `capture.toml` tells, in the files' order; empty where it tells none.
+        told_nm: Vec<f64>,
         /// Photographs of each pair, `view * lights + light`; none for a pair without an image.
         shots: Vec<Vec<Shot>>,
         /// Curve of the files where their values are merged or corrected, so that images are linear; `None` where the file
@@ -72,8 +68,8 @@ pub(crate) enum Images {
 pub enum Pixels {
     /// 8-bit file values with the transfer curve still applied; [`CaptureInfo::linear_from_encoded8`] decodes them.
     Encoded8(Vec<u8>),
-    /// Reflectance x cosine with curve, scale and cosine applied. Pixels of EXR, Radiance, 16-bit PNG and UBO2014 files
-    /// are linear.
+    /// Reflectance x cosine with curve, scale and cosine applied. Pixels of EXR, Radiance, ENVI and UBO2014 files, of PNG
+    /// and TIFF files of 16 bits and of TIFF files of floats or bands are linear.
     Linear(Vec<f32>),
 }
 
@@ -165,8 +161,8 @@ impl Capture {
             manifest::apply(&text, &shown, &mut info)?;
             let reading = manifest::reading(&text, &shown)?;
             if reading.is_of_files() {
-                let reason = "a UBO2014 file takes none of incomplete, views, lights, black, flat, mask, saturation and \
-                              rectified; remove these keys";
+                let reason = "a UBO2014 file takes none of incomplete, views, lights, black, flat, mask, saturation, \
+                              rectified and wavelengths_nm; remove these keys";
                 return Err(CaptureError::BadKeys { path: shown, reason: reason.into() });
             }
             corrections.rows_up = reading.rows_up;
@@ -198,29 +194,13 @@ impl Capture {
             Some((text, file)) => manifest::reading(text, &source.shown(*file))?,
             None => Reading::default(),
         };
-        let snapped_of = |images: &mut Vec<GridImage>| {
-            (reading.views.is_some() || reading.lights.is_some()).then(|| {
-                let (largest_deg, left_out) = snap(images, reading.views.as_ref(), reading.lights.as_ref());
-                Snapped { largest_deg, left_out }
-            })
-        };
-        let snapped;
-        let grid = match list::find_images(&source, list)? {
-            Some(mut images) => {
-                snapped = snapped_of(&mut images);
-                grid_of(&source, &images, reading.incomplete, &list::missing_name)?
-            }
-            None => {
-                let mut images = bonn::find_images(&source);
-                if images.is_empty() {
-                    return Err(CaptureError::NoImages { path: root, files: source.names().len() });
-                }
-                snapped = snapped_of(&mut images);
-                let name = |grid: &Grid, view, light| bonn::missing_name(&source, &images, grid, view, light);
-                grid_of(&source, &images, reading.incomplete, &name)?
-            }
-        };
-        let mut info = CaptureInfo::new(name, 0, 0, grid.views, grid.lights, grid.format.written_as());
+        let (grid, snapped) = find_grid(&source, list, &reading)?;
+        let one = grid.shots.iter().find_map(|shots| shots.last()).map_or(0, |shot| shot.file);
+        let one = ImageFile::of_name(&source, one, grid.format)?;
+        let first = one.decode(None, BandReading { weighing: &Weighing::Colour, told_nm: &reading.wavelengths_nm })?;
+        let (format, written_as) = (one.format, one.format.written_as(&first.samples));
+        let mut info = CaptureInfo::new(name, first.width, first.height, grid.views, grid.lights, written_as);
+        info.wavelengths_nm = first.wavelengths_nm;
         if let Some((text, file)) = &manifest {
             manifest::apply(text, &source.shown(*file), &mut info)?;
         }
@@ -242,22 +222,16 @@ impl Capture {
         let folder = manifest.map_or(String::new(), |(_, file)| {
             source.names()[file].rsplit_once('/').map_or(String::new(), |(folder, _)| format!("{folder}/"))
         });
-        let images = Arc::new(Images::Files { source, format: grid.format, shots: grid.shots, merged });
+        let (told_nm, shots) = (reading.wavelengths_nm.clone(), grid.shots);
         let mut capture = Capture {
-            images,
+            images: Arc::new(Images::Files { source, format, written_as, told_nm, shots, merged }),
             info,
             corrections: Arc::default(),
             weighing: Weighing::default(),
-            photograph: None,
+            // Calibration images are of the files' size, a mask of the texels'.
+            photograph: Some((first.width, first.height)),
             snapped,
         };
-        let pair = capture.info.present_pairs().next().unwrap_or(0);
-        let (view, light) = (pair / capture.info.lights.len(), pair % capture.info.lights.len());
-        let first = capture.decode(view, light, None)?;
-        (capture.info.width, capture.info.height) = (first.width, first.height);
-        capture.info.wavelengths_nm = first.wavelengths_nm;
-        // Calibration images are of the files' size, a mask of the texels'.
-        capture.photograph = Some((first.width, first.height));
         if let Some([width, height]) = reading.rectified {
             (capture.info.width, capture.info.height) = (width, height);
         }
@@ -266,7 +240,8 @@ impl Capture {
             // The images are linear whatever the files are.
             (capture.info.format, capture.info.transfer) = (ImageFormat::Exr, Transfer::Linear);
         }
-        capture.read(view, light)?;
+        let pair = capture.info.present_pairs().next().unwrap_or(0);
+        capture.read(pair / capture.info.lights.len(), pair % capture.info.lights.len())?;
         Ok(capture)
     }
 
@@ -287,11 +262,14 @@ impl Capture {
                 let reason = format!("capture.toml names it for `{key}`, and it is no image there");
                 return Err(CaptureError::BadImage { path, reason });
             };
-            if key != "mask" && format != *photographs {
+            let named = ImageFile::of_name(source, file, format)?;
+            if key != "mask" && named.format != *photographs {
                 let reason = format!("the photographs are of another format; give `{key}` in theirs");
                 return Err(CaptureError::BadImage { path: source.shown(file), reason });
             }
-            let mut image = self.decode_file(source, file, format, size)?;
+            // A mask has no bands.
+            let mut image =
+                if key == "mask" { named.decode(size, BandReading::COLOUR)? } else { self.photograph(file, size)? };
             found.turn(&mut image);
             Ok(Some((source.shown(file), image)))
         };
@@ -391,13 +369,13 @@ impl Capture {
     /// If `view` or `light` is out of range.
     pub fn read(&self, view: usize, light: usize) -> Result<Pixels, CaptureError> {
         let size = Some((self.info.width, self.info.height));
-        if let Images::Files { source, format, shots, merged: Some(transfer) } = &*self.images {
+        if let Images::Files { source, shots, merged: Some(transfer), .. } = &*self.images {
             let shots = &shots[self.pair(view, light)];
             if shots.is_empty() {
                 return Err(CaptureError::NoImage { path: self.path_of(view, light) });
             }
             let lit_of = |shot: &Shot| {
-                let mut image = self.decode_file(source, shot.file, *format, self.photograph)?;
+                let mut image = self.photograph(shot.file, self.photograph)?;
                 self.corrections.turn(&mut image);
                 let pixels = [image.width, image.height];
                 let light = self.corrections.light(&image, *transfer, shot.exposure);
@@ -482,8 +460,8 @@ impl Capture {
     fn decode(&self, view: usize, light: usize, size: Option<(usize, usize)>) -> Result<DecodedImage, CaptureError> {
         let pair = self.pair(view, light);
         let mut image = match &*self.images {
-            Images::Files { source, format, shots, .. } => match shots[pair].last() {
-                Some(shot) => self.decode_file(source, shot.file, *format, size)?,
+            Images::Files { shots, .. } => match shots[pair].last() {
+                Some(shot) => self.photograph(shot.file, size)?,
                 None => return Err(CaptureError::NoImage { path: self.path_of(view, light) }),
             },
             Images::Container(container) => container.image(view, light),
@@ -492,6 +470,10 @@ impl Capture {
                 self.of_memory(&values[pair * count..(pair + 1) * count], wavelengths_nm)?
             }
         };
+        if matches!(self.weighing, Weighing::Bands) && image.wavelengths_nm != self.info.wavelengths_nm {
+            let reason = "its wavelengths are not those of the capture's first image".to_string();
+            return Err(CaptureError::BadImage { path: self.path_of(view, light), reason });
+        }
         self.corrections.place(&mut image);
         Ok(image)
     }
@@ -503,7 +485,10 @@ impl Capture {
             return Ok(DecodedImage::rgb(width, height, Samples::F32(stored.to_vec())));
         }
         let bands = self.weighing.of(wavelengths_nm).map_err(|fault| {
-            let reason = if let ImageFault::Damaged(reason) = fault { reason } else { "their size differs".into() };
+            let reason = match fault {
+                ImageFault::Damaged(reason) | ImageFault::Unfit(reason) => reason,
+                ImageFault::WrongSize { .. } => "their size differs".into(),
+            };
             CaptureError::BadImages { reason }
         })?;
         let mut values = vec![0.0; width * height * bands.channels];
@@ -514,27 +499,22 @@ impl Capture {
         Ok(DecodedImage { width, height, channels, wavelengths_nm, samples: Samples::Computed(values) })
     }
 
-    fn decode_file(
-        &self,
-        source: &Source,
-        file: usize,
-        format: FileFormat,
-        size: Option<(usize, usize)>,
-    ) -> Result<DecodedImage, CaptureError> {
-        let per_texel = if format == FileFormat::Exr { MAX_SPECTRAL_BYTES_PER_TEXEL } else { MAX_BYTES_PER_TEXEL };
-        let limit =
-            size.map_or(MAX_FILE_BYTES, |(width, height)| FREE_FILE_BYTES + (width * height) as u64 * per_texel);
-        let bytes = source.read(file, limit)?;
-        file_format::decode(&bytes, format, size, &self.weighing).map_err(|fault| {
-            let path = source.shown(file);
-            match fault {
-                ImageFault::Damaged(reason) => CaptureError::BadImage { path, reason },
-                ImageFault::WrongSize { width, height } => {
-                    let (expected_width, expected_height) = size.unwrap_or((self.info.width, self.info.height));
-                    CaptureError::WrongSize { path, width, height, expected_width, expected_height }
-                }
-            }
-        })
+    /// Decodes a photograph, or an image of black level or flat field.
+    fn photograph(&self, file: usize, size: Option<(usize, usize)>) -> Result<DecodedImage, CaptureError> {
+        let Images::Files { source, format, written_as, told_nm, .. } = &*self.images else {
+            return Err(CaptureError::NoImage { path: self.info.name.clone() });
+        };
+        let image = ImageFile { source, file, format: *format }
+            .decode(size, BandReading { weighing: &self.weighing, told_nm })?;
+        if format.written_as(&image.samples) != *written_as {
+            let [has, other] = match written_as {
+                ImageFormat::Exr => ["whole numbers with a curve", "linear values"],
+                _ => ["linear values", "whole numbers with a curve"],
+            };
+            let reason = format!("has {has}, and the capture's first image has {other}; convert it");
+            return Err(CaptureError::UnfitImage { path: source.shown(file), reason });
+        }
+        Ok(image)
     }
 
     fn pixels(&self, view: usize, light: usize, image: DecodedImage) -> Result<Pixels, CaptureError> {
@@ -568,6 +548,32 @@ impl Capture {
             });
         }
         Ok(Pixels::Linear(linear))
+    }
+}
+
+/// Finds the images of a source and orders them as a grid.
+fn find_grid(source: &Source, list: Option<&str>, reading: &Reading) -> Result<(Grid, Option<Snapped>), CaptureError> {
+    let snapped_of = |images: &mut Vec<GridImage>| {
+        (reading.views.is_some() || reading.lights.is_some()).then(|| {
+            let (largest_deg, left_out) = snap(images, reading.views.as_ref(), reading.lights.as_ref());
+            Snapped { largest_deg, left_out }
+        })
+    };
+    match list::find_images(source, list)? {
+        Some(mut images) => {
+            let snapped = snapped_of(&mut images);
+            Ok((grid_of(source, &images, reading.incomplete, &list::missing_name)?, snapped))
+        }
+        None => {
+            let mut images = bonn::find_images(source);
+            if images.is_empty() {
+                let path = source.root().display().to_string();
+                return Err(CaptureError::NoImages { path, files: source.names().len() });
+            }
+            let snapped = snapped_of(&mut images);
+            let name = |grid: &Grid, view, light| bonn::missing_name(source, &images, grid, view, light);
+            Ok((grid_of(source, &images, reading.incomplete, &name)?, snapped))
+        }
     }
 }
 

@@ -82,7 +82,7 @@ pub enum CaptureError {
     },
     /// Files of which none has capture angles in its name, and no list.
     #[error(
-        "{path} holds {files} files but no image named like `00000 tl000 pl000 tv000 pv000.png` or `tv000_pv000_tl000_pl000.exr` (png, jpg, exr or hdr) and no list of images (a .csv with the columns file, theta_v, phi_v, theta_l, phi_l); point to the folder that holds the capture's images, or to the UBO2014 file (.btf) itself"
+        "{path} holds {files} files but no image named like `00000 tl000 pl000 tv000 pv000.png` or `tv000_pv000_tl000_pl000.exr` (tif, png, jpg, exr or hdr) and no list of images (a .csv with the columns file, theta_v, phi_v, theta_l, phi_l); point to the folder that holds the capture's images, or to the UBO2014 file (.btf) itself"
     )]
     NoImages {
         /// The folder or archive.
@@ -172,7 +172,7 @@ pub enum CaptureError {
     },
     /// Images of more than one format.
     #[error(
-        "{first} and {second} have different formats; a capture holds one of png, jpg, exr or hdr, convert the others"
+        "{first} and {second} have different formats; a capture holds one of tif, png, jpg, exr or hdr, convert the others"
     )]
     MixedFormats {
         /// A file of the first format.
@@ -186,6 +186,14 @@ pub enum CaptureError {
         /// The file.
         path: String,
         /// Reason that the decoder gives.
+        reason: String,
+    },
+    /// A whole image of a kind that is not read, or that lacks something.
+    #[error("{path} {reason}")]
+    UnfitImage {
+        /// The file.
+        path: String,
+        /// What it has or lacks, as a verb phrase, and the remedy.
         reason: String,
     },
     /// An image of another size than the first.

@@ -97,7 +97,8 @@ pub struct CaptureInfo {
     pub side: Side,
     /// Physical width and height of the images in millimetres, where known.
     pub size_mm: Option<[f32; 2]>,
-    /// Format of the images; [`ImageFormat::Exr`] stands for all linear formats, Radiance and UBO2014 files included.
+    /// Format of the images; [`ImageFormat::Exr`] stands for all linear formats, bands and Radiance and UBO2014 files
+    /// included, and [`ImageFormat::Png`] for TIFF images of 8 and 16 bits, too.
     pub format: ImageFormat,
     /// Wavelengths of the bands in nanometres, ascending; empty where images are colours.
     pub wavelengths_nm: Vec<f64>,

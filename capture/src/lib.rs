@@ -5,8 +5,8 @@
 //! has Bonn's layout (UBO2003), as a folder or as a zip of one that is read in place:
 //! `tvTTT_pvPPP/NNNNN tlTTT plPPP tvTTT pvPPP.EXT` with the angles in degrees. An optional `capture.toml` beside the
 //! images holds what the names cannot say. This package also reads, but does not write, images of any names with a list
-//! of their directions, Radiance and spectral EXR images, and UBO2014 files; docs/guide/captures.md says for each what is
-//! taken from where.
+//! of their directions, Radiance images, spectral EXR, TIFF and ENVI images, and UBO2014 files; docs/guide/captures.md
+//! says for each what is taken from where.
 //!
 //! The quantity everywhere is reflectance x cosine, `pi * BRDF * |n.wi|`, linear, with sRGB
 //! primaries: 1.0 is a white Lambertian surface lit at normal incidence. Texels are row-major from
@@ -49,6 +49,7 @@ pub mod delimited;
 mod direction;
 mod error;
 pub mod files;
+mod image_file;
 mod images;
 mod info;
 mod layout;

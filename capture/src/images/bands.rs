@@ -20,6 +20,21 @@ pub(crate) enum Weighing {
     Bands,
 }
 
+/// How the bands of a file are read.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BandReading<'a> {
+    /// What becomes of them.
+    pub weighing: &'a Weighing,
+    /// Wavelengths in nanometres that `capture.toml` tells, one for each band in the file's order; empty where it tells
+    /// none.
+    pub told_nm: &'a [f64],
+}
+
+impl BandReading<'static> {
+    /// Bands whose wavelengths the file tells, as colours.
+    pub(crate) const COLOUR: BandReading<'static> = BandReading { weighing: &Weighing::Colour, told_nm: &[] };
+}
+
 /// Weighted sums of bands.
 #[derive(Debug, Clone)]
 pub(crate) struct BandSums {
@@ -52,7 +67,7 @@ impl Weighing {
             return Err(ImageFault::damaged(format!("it has {} bands; 1 to {MAX_BANDS} are allowed", sorted.len())));
         }
         let of_three = |weights: &[[f32; 3]]| {
-            weights.iter().map(|weights| weights.into_iter().copied().enumerate().collect()).collect()
+            weights.iter().map(|weights| weights.iter().copied().enumerate().collect()).collect()
         };
         let by_band: Vec<Vec<(usize, f32)>> = match self {
             Weighing::Colour => of_three(&rgb_weights(&sorted).unwrap_or_default()),

@@ -4,6 +4,9 @@
 /// is allocated.
 pub(crate) const MAX_TEXELS: usize = 1 << 26;
 
+/// Largest number of samples of a file with bands, over all of them.
+const MAX_SPECTRAL_SAMPLES: usize = 4 * MAX_TEXELS;
+
 /// Most negative linear value that is accepted as a colour outside the gamut; an image with a lower value is refused.
 pub const MIN_LINEAR: f32 = -0.1;
 
@@ -11,9 +14,9 @@ pub const MIN_LINEAR: f32 = -0.1;
 #[derive(Debug)]
 pub(crate) enum Samples {
     U8(Vec<u8>),
-    /// 16-bit PNG, 0 to 65535.
+    /// 16-bit PNG and TIFF, 0 to 65535.
     U16(Vec<u16>),
-    /// EXR, Radiance.
+    /// EXR, Radiance, TIFF of floats.
     F32(Vec<f32>),
     /// Linear RGB computed from a spectrum or a factorisation. A negative value is then no sign of a damaged file:
     /// values below what captures hold are clamped, not refused.
@@ -45,6 +48,9 @@ pub(crate) enum ImageFault {
     Damaged(String),
     /// Header with another size than was asked for.
     WrongSize { width: usize, height: usize },
+    /// Whole file that is of a kind which is not read, or that something is missing for: what it has or lacks, as a verb
+    /// phrase, and the remedy.
+    Unfit(String),
 }
 
 impl ImageFault {
@@ -67,6 +73,27 @@ pub(crate) fn check_size(width: usize, height: usize, expected: Option<(usize, u
         return Err(ImageFault::damaged(reason));
     }
     Ok(())
+}
+
+/// Checks the number of samples that a file with bands claims against the largest allowed.
+pub(crate) fn check_samples(samples: Option<usize>) -> Result<usize, ImageFault> {
+    samples.filter(|samples| *samples <= MAX_SPECTRAL_SAMPLES).ok_or_else(|| {
+        let claim = samples.map_or("countless".into(), |samples| samples.to_string());
+        ImageFault::damaged(format!("it claims {claim} samples; at most {MAX_SPECTRAL_SAMPLES} are allowed"))
+    })
+}
+
+/// Returns the bytes of number `at` of those in `bytes`, the lowest first.
+///
+/// # Panics
+/// If `bytes` has fewer numbers.
+pub(crate) fn little_endian<const N: usize>(bytes: &[u8], at: usize, is_big_endian: bool) -> [u8; N] {
+    let mut number = [0; N];
+    number.copy_from_slice(&bytes[at * N..][..N]);
+    if is_big_endian {
+        number.reverse();
+    }
+    number
 }
 
 /// Repeats grey, drops alpha, and passes RGB through without a copy.

@@ -15,13 +15,10 @@ use half::f16;
 
 use crate::colour::spectrum::wavelength_nm;
 use crate::images::bands::Weighing;
-use crate::images::decoded::{DecodedImage, ImageFault, MAX_TEXELS, Samples, check_size};
+use crate::images::decoded::{DecodedImage, ImageFault, Samples, check_samples, check_size};
 
 /// Largest value that half precision holds; larger values are written as this one.
 pub(crate) const MAX_HALF: f32 = 65504.0;
-
-/// Largest number of samples of a spectral image, over all channels.
-const MAX_SPECTRAL_SAMPLES: usize = 4 * MAX_TEXELS;
 
 /// Decodes channels R, G and B of the first layer that has them, with any sample type and any lossless compression of
 /// the format. Where no layer has them, the first layer whose channels are named by wavelengths in nanometres is read
@@ -96,10 +93,7 @@ fn decode_spectrum(
     let bands = weighing.of(&channels.iter().map(|&(_, nm)| nm).collect::<Vec<_>>())?;
     // The decoder unpacks every channel of every layer.
     let samples: usize = meta.headers.iter().map(|header| header.channels.list.len() * header.layer_size.area()).sum();
-    if samples > MAX_SPECTRAL_SAMPLES {
-        let reason = format!("it claims {samples} samples; at most {MAX_SPECTRAL_SAMPLES} are allowed");
-        return Err(ImageFault::damaged(reason));
-    }
+    check_samples(Some(samples))?;
     let decoded = catch_unwind(AssertUnwindSafe(|| {
         read()
             .no_deep_data()

@@ -1,7 +1,7 @@
 //! Reads pictures of radiance, EXR and Radiance files, as linear RGB for renderers.
 
 use crate::error::CaptureError;
-use crate::images::bands::Weighing;
+use crate::images::bands::BandReading;
 use crate::images::decoded::{ImageFault, Samples};
 use crate::images::file_format::{FileFormat, decode};
 use std::path::Path;
@@ -30,8 +30,8 @@ impl RadianceMap {
             _ => return Err(fault("it is no .exr or .hdr file, convert it to one".into())),
         };
         let bytes = crate::files::read(path).map_err(|source| CaptureError::Read { path: path.into(), source })?;
-        let image = decode(&bytes, format, None, &Weighing::Colour).map_err(|found| match found {
-            ImageFault::Damaged(reason) => fault(reason),
+        let image = decode(&bytes, &[], format, None, BandReading::COLOUR).map_err(|found| match found {
+            ImageFault::Damaged(reason) | ImageFault::Unfit(reason) => fault(reason),
             ImageFault::WrongSize { width, height } => fault(format!("it has {width} x {height} pixels")),
         })?;
         let (Samples::F32(mut rgb) | Samples::Computed(mut rgb)) = image.samples else {

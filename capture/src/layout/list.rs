@@ -210,7 +210,7 @@ fn images_of(source: &Source, list: &List) -> Result<Vec<GridImage>, CaptureErro
         }
         let extension = written.rsplit_once('.').map_or("", |(_, extension)| extension);
         let format = FileFormat::from_extension(extension)
-            .ok_or_else(|| bad(format!("`{written}` is none of png, jpg, exr or hdr")))?;
+            .ok_or_else(|| bad(format!("`{written}` is none of tif, png, jpg, exr or hdr")))?;
         let (view, light) = (direction(&list.view)?, direction(&list.light)?);
         let exposure = match list.exposure {
             None => 1.0,

@@ -2,8 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::colour::spectrum::PLAUSIBLE_NM;
 use crate::direction::{Direction, DirectionSet};
 use crate::error::CaptureError;
+use crate::images::bands::MAX_BANDS;
 use crate::info::{CaptureInfo, ImageFormat};
 
 /// Name of the manifest, beside the view folders.
@@ -63,6 +65,9 @@ struct Manifest {
     views: Option<toml::Spanned<toml::Value>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     lights: Option<toml::Spanned<toml::Value>>,
+    /// Wavelengths of the bands of TIFF and ENVI images in nanometres, in the files' order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    wavelengths_nm: Option<toml::Spanned<Vec<f64>>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     provenance: Option<String>,
 }
@@ -85,6 +90,8 @@ pub(crate) struct Reading {
     /// Directions that images count as.
     pub views: Option<DirectionSet>,
     pub lights: Option<DirectionSet>,
+    /// Wavelengths of the bands in nanometres, in the files' order; empty where none are told.
+    pub wavelengths_nm: Vec<f64>,
 }
 
 impl Reading {
@@ -92,7 +99,8 @@ impl Reading {
     pub fn is_of_files(&self) -> bool {
         let names = [&self.black, &self.flat, &self.mask].iter().any(|name| name.is_some());
         let sets = self.views.is_some() || self.lights.is_some();
-        self.incomplete || names || sets || self.rectified.is_some() || self.saturation.is_some()
+        let bands = !self.wavelengths_nm.is_empty();
+        self.incomplete || names || sets || bands || self.rectified.is_some() || self.saturation.is_some()
     }
 }
 
@@ -131,6 +139,14 @@ pub(crate) fn reading(text: &str, path: &str) -> Result<Reading, CaptureError> {
             }
         },
     };
+    let wavelengths_nm = match manifest.wavelengths_nm {
+        None => Vec::new(),
+        Some(nm) => {
+            let fault = fault_of(nm.get_ref());
+            fault.map_or(Ok(()), |fault| Err(bad(nm.span().start, format!("wavelengths_nm {fault}"))))?;
+            nm.into_inner()
+        }
+    };
     let name = |key: Option<toml::Spanned<String>>| key.map(toml::Spanned::into_inner);
     Ok(Reading {
         incomplete: manifest.incomplete == Some(true),
@@ -142,7 +158,23 @@ pub(crate) fn reading(text: &str, path: &str) -> Result<Reading, CaptureError> {
         mask: name(manifest.mask),
         views: nominal(manifest.views, "views")?,
         lights: nominal(manifest.lights, "lights")?,
+        wavelengths_nm,
     })
+}
+
+/// Returns why numbers cannot be the wavelengths in nanometres of a file's bands; `None` where they can.
+fn fault_of(wavelengths_nm: &[f64]) -> Option<String> {
+    let mut sorted = wavelengths_nm.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (from, to) = (PLAUSIBLE_NM.start(), PLAUSIBLE_NM.end());
+    if sorted.is_empty() || sorted.len() > MAX_BANDS {
+        return Some(format!("must have a number for each band, 1 to {MAX_BANDS}"));
+    }
+    if let Some(nm) = sorted.iter().find(|nm| !PLAUSIBLE_NM.contains(*nm)) {
+        return Some(format!("has {nm}; wavelengths go from {from} to {to} nm"));
+    }
+    let twice = sorted.windows(2).find(|pair| pair[0] == pair[1])?;
+    Some(format!("has {} twice; each band has a wavelength of its own", twice[0]))
 }
 
 /// Returns the directions that a value names or lists; `None` where it does neither.
@@ -242,6 +274,7 @@ pub(crate) fn to_text(info: &CaptureInfo) -> Result<String, String> {
         saturation: None,
         views: None,
         lights: None,
+        wavelengths_nm: None,
         provenance: (!info.provenance.is_empty()).then(|| info.provenance.clone()),
     };
     let body = toml::to_string(&manifest).map_err(|error| error.to_string())?;
@@ -308,6 +341,24 @@ mod tests {
                 }
                 other => panic!("{text:?}: {other:?}"),
             }
+        }
+    }
+
+    #[test]
+    fn wavelengths_are_read_in_the_order_of_the_files() {
+        let read = |text: &str| reading(text, "d/capture.toml").map(|reading| reading.wavelengths_nm);
+        assert_eq!(read("wavelengths_nm = [650, 450.5, 550]").unwrap(), [650.0, 450.5, 550.0]);
+        assert!(read("name = \"x\"").unwrap().is_empty());
+        let many: Vec<String> = (0..=MAX_BANDS).map(|i| (400 + i).to_string()).collect();
+        for (list, part) in [
+            (String::new(), "1 to 256"),
+            (many.join(", "), "1 to 256"),
+            ("450, 0.55".into(), "has 0.55"),
+            ("450, nan".into(), "has NaN"),
+            ("450, 650, 450".into(), "has 450 twice"),
+        ] {
+            let message = read(&format!("# a\nwavelengths_nm = [{list}]")).unwrap_err().to_string();
+            assert!(message.contains(part) && message.contains("capture.toml line 2"), "{message}");
         }
     }
 
