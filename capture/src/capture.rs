@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::colour::transfer::Transfer;
+use crate::direction::MAX_DIRECTIONS;
 use crate::error::CaptureError;
 use crate::image_file::ImageFile;
 use crate::images::bands::{BandReading, BandSums, Weighing};
@@ -26,6 +27,8 @@ pub struct Capture {
     corrections: Arc<Corrections>,
     /// What becomes of the bands of spectral images.
     pub(crate) weighing: Weighing,
+    /// Parts of a capture in groups of channels.
+    pub(crate) groups: Option<Arc<Vec<Capture>>>,
     /// Size of the files, which is that of the images unless they are rectified.
     photograph: Option<(usize, usize)>,
     snapped: Option<Snapped>,
@@ -140,6 +143,7 @@ impl Capture {
             info,
             corrections: Arc::default(),
             weighing: Weighing::default(),
+            groups: None,
             photograph: None,
             snapped: None,
         })
@@ -174,6 +178,7 @@ impl Capture {
             info,
             corrections: Arc::new(corrections),
             weighing: Weighing::default(),
+            groups: None,
             photograph: None,
             snapped: None,
         };
@@ -228,6 +233,7 @@ impl Capture {
             info,
             corrections: Arc::default(),
             weighing: Weighing::default(),
+            groups: None,
             // Calibration images are of the files' size, a mask of the texels'.
             photograph: Some((first.width, first.height)),
             snapped,
@@ -335,6 +341,9 @@ impl Capture {
     /// # Panics
     /// If `view` or `light` is out of range.
     pub fn path_of(&self, view: usize, light: usize) -> String {
+        if let Some((part, light)) = self.part(light) {
+            return part.path_of(view, light);
+        }
         let pair = self.pair(view, light);
         match &*self.images {
             Images::Files { source, shots, .. } => match shots[pair].last() {
@@ -368,6 +377,9 @@ impl Capture {
     /// # Panics
     /// If `view` or `light` is out of range.
     pub fn read(&self, view: usize, light: usize) -> Result<Pixels, CaptureError> {
+        if let Some((part, light)) = self.part(light) {
+            return part.read(view, light);
+        }
         let size = Some((self.info.width, self.info.height));
         if let Images::Files { source, shots, merged: Some(transfer), .. } = &*self.images {
             let shots = &shots[self.pair(view, light)];
@@ -414,6 +426,38 @@ impl Capture {
         let mut capture = Capture { weighing: Weighing::Sums(Arc::new(sums)), ..self.clone() };
         capture.info.wavelengths_nm = Vec::new();
         Ok(capture)
+    }
+
+    /// Returns this spectral capture in groups of three channels, each as [`Capture::through`] makes it: its lights are there
+    /// once for each group, one round after the other, and light `group * lights + light` has that group's channels.
+    ///
+    /// # Errors
+    /// Those of [`Capture::through`]; [`CaptureError::BadDirections`] for more lights than a set may have.
+    ///
+    /// # Panics
+    /// If there is no group, or one has more or fewer weights than bands.
+    pub fn in_groups(&self, groups: &[Vec<[f32; 3]>]) -> Result<Capture, CaptureError> {
+        let parts = groups.iter().map(|weights| self.through(weights)).collect::<Result<Vec<_>, _>>()?;
+        let mut capture = parts[0].clone();
+        let (info, lights) = (&mut capture.info, self.info.lights.len());
+        if lights * parts.len() > MAX_DIRECTIONS {
+            let reason = format!("{lights} lights, {} times, are more than {MAX_DIRECTIONS}", parts.len());
+            return Err(CaptureError::BadDirections { reason });
+        }
+        info.lights = info.lights.repeated(parts.len());
+        let place = |pair: &usize, group: usize| pair / lights * lights * parts.len() + group * lights + pair % lights;
+        info.missing =
+            (0..parts.len()).flat_map(|group| self.info.missing.iter().map(move |pair| place(pair, group))).collect();
+        info.missing.sort_unstable();
+        capture.groups = Some(Arc::new(parts));
+        Ok(capture)
+    }
+
+    /// Returns the part of a capture in groups that has a light, and the light's number there.
+    fn part(&self, light: usize) -> Option<(&Capture, usize)> {
+        let parts = self.groups.as_ref()?;
+        let lights = self.info.lights.len() / parts.len();
+        Some((&parts[light / lights], light % lights))
     }
 
     /// Returns the wavelengths of a capture whose bands can be had.

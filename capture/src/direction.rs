@@ -132,6 +132,18 @@ impl DirectionSet {
         Ok(DirectionSet { directions })
     }
 
+    /// Returns the set `rounds` times over, one round after the other in the same order.
+    pub(crate) fn repeated(&self, rounds: usize) -> DirectionSet {
+        DirectionSet { directions: self.directions.repeat(rounds) }
+    }
+
+    /// Returns how often the set holds the same directions, one round after the other; 1 but for captures in groups of channels
+    /// ([`crate::Capture::in_groups`]).
+    pub fn rounds(&self) -> usize {
+        let first = self.directions.iter().skip(1).position(|direction| *direction == self.directions[0]);
+        first.map_or(1, |at| self.directions.len() / (at + 1))
+    }
+
     /// Returns Bonn's 81 directions (UBO2003): rings at 0, 15, ... 75 degrees.
     pub fn bonn81() -> DirectionSet {
         DirectionSet::from_rings(BONN81_RINGS.iter().map(|&(theta, count)| (theta, count, 0.0)))

@@ -38,6 +38,9 @@ impl Capture {
     /// Cost: a look at each file's entry, a few milliseconds for 6561 of them.
     pub fn stamps(&self) -> Result<Vec<FileStamp>, CaptureError> {
         let mut stamps = self.stamps_of_files()?;
+        for part in self.groups.iter().flat_map(|parts| parts.iter().skip(1)) {
+            stamps.extend(part.stamps()?.into_iter().filter(|stamp| !stamps.contains(stamp)).collect::<Vec<_>>());
+        }
         if let Weighing::Sums(sums) = &self.weighing {
             let weights = sums.weights.as_flattened();
             let (bytes, modified_ns) = (4 * weights.len() as u64, hash_of(weights));

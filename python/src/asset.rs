@@ -2,10 +2,10 @@
 
 use crate::arrays::{Shape, Vectors};
 use crate::faults::capture_error;
-use btf_capture::write_file_atomically;
+use btf_capture::{Illuminant, Observer, shown_weights, write_file_atomically};
 use btf_runtime::{
     Asset, DecodeOptions, HeightField, HeightUse, Interpolation, Levels, Query, ResidentBytes, ResidentFile, Sample,
-    SurfaceSide, density, evaluate_many, sample,
+    Spectrum, SurfaceSide, density, evaluate_bands, evaluate_many, sample,
 };
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -109,6 +109,19 @@ impl PyAsset {
         })
     }
 
+    /// Returns the bands.
+    ///
+    /// # Errors
+    /// ValueError for an asset of colours.
+    fn bands(&self) -> PyResult<Spectrum> {
+        self.file.resident.spectrum().ok_or_else(|| {
+            PyValueError::new_err(format!(
+                "{} has colours and no bands; fit a capture in spectral bands",
+                self.path.display()
+            ))
+        })
+    }
+
     fn checked_level(&self, level: u32) -> PyResult<()> {
         let levels = self.file.resident.levels();
         if level < levels {
@@ -199,6 +212,62 @@ impl PyAsset {
             py.check_signals()?;
         }
         shape.array(py, values.into_flattened(), Some(3))
+    }
+
+    /// Wavelengths of the bands in nanometres, ascending; empty for an asset of colours.
+    #[getter]
+    fn wavelengths_nm<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
+        PyArray1::from_vec(py, self.file.resident.spectrum().map_or_else(Vec::new, |spectrum| spectrum.wavelengths_nm))
+    }
+
+    /// Returns the bands of an asset that has any, as `eval` does its colours: float32 of the shape (..., bands).
+    ///
+    /// Raises ValueError for an asset of colours.
+    #[pyo3(signature = (uv, wi, wo, *, components=None, lobes=None, interpolation="fast", heights="relief", level=0))]
+    fn eval_bands<'py>(
+        &self,
+        py: Python<'py>,
+        uv: &Bound<'py, PyAny>,
+        wi: &Bound<'py, PyAny>,
+        wo: &Bound<'py, PyAny>,
+        components: Option<u32>,
+        lobes: Option<u32>,
+        interpolation: &str,
+        heights: &str,
+        level: u32,
+    ) -> PyResult<Numbers<'py>> {
+        let options = self.options(components, lobes, interpolation, heights, level)?;
+        let spectrum = self.bands()?;
+        let bands = spectrum.weights.len();
+        let (shape, queries) = queries(uv, wi, wo)?;
+        let mut values = vec![0.0f32; queries.len() * bands];
+        for (queries, values) in queries.chunks(BATCH).zip(values.chunks_mut(BATCH * bands)) {
+            let each = queries.iter().zip(values.chunks_mut(bands));
+            let resident = &self.file.resident;
+            py.detach(|| {
+                each.for_each(|(query, values)| evaluate_bands(resident, &spectrum, level, query, &options, values));
+            });
+            py.check_signals()?;
+        }
+        shape.array(py, values, Some(bands))
+    }
+
+    /// Returns this asset in bands as it is seen under another light, or by another eye: `eval` and `sample` of the result give
+    /// that in place of colours under D65.
+    ///
+    /// illuminant: "D65", "A", "E" (equal power) or a table (CSV) of wavelengths in nm and power.
+    /// observer: "1931" or a table of wavelengths and three sensitivities, of a camera.
+    ///
+    /// Raises ValueError for an asset of colours and for what is no such table.
+    #[pyo3(signature = (illuminant="D65", observer="1931"))]
+    fn under(&self, illuminant: &str, observer: &str) -> PyResult<PyAsset> {
+        let spectrum = self.bands()?;
+        let illuminant = Illuminant::by_name(illuminant).map_err(|error| capture_error(&error))?;
+        let observer = Observer::by_name(observer).map_err(|error| capture_error(&error))?;
+        let nm: Vec<f64> = spectrum.wavelengths_nm.iter().map(|nm| f64::from(*nm)).collect();
+        let mut file = self.file.clone();
+        file.resident.set_shown(spectrum.shown_through(&shown_weights(&nm, &illuminant, &observer)));
+        Ok(PyAsset { file, bytes: Arc::clone(&self.bytes), path: self.path.clone() })
     }
 
     /// Returns the density with which `sample` draws `wi`, per steradian: float32 of the shape (...).

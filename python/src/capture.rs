@@ -16,6 +16,7 @@ use std::path::PathBuf;
 /// size_mm: physical width and height, where known.
 /// side: "front", "back", "transmission-back" or "transmission-front"; docs/guide/captures.md tells their frames.
 /// name: a short name, which the asset keeps.
+/// wavelengths_nm: of bands in place of three channels, ascending.
 ///
 /// Raises ValueError for shapes that do not fit and directions that are none.
 #[pyclass(name = "Capture", module = "btf", frozen)]
@@ -26,7 +27,7 @@ pub struct PyCapture {
 #[pymethods]
 impl PyCapture {
     #[new]
-    #[pyo3(signature = (images, lights, views, *, size_mm=None, side="front", name="array"))]
+    #[pyo3(signature = (images, lights, views, *, size_mm=None, side="front", name="array", wavelengths_nm=None))]
     fn new(
         images: &Bound<'_, PyAny>,
         lights: &Bound<'_, PyAny>,
@@ -34,12 +35,15 @@ impl PyCapture {
         size_mm: Option<[f32; 2]>,
         side: &str,
         name: &str,
+        wavelengths_nm: Option<Vec<f64>>,
     ) -> PyResult<PyCapture> {
         let (lights, views) = (directions(lights, "lights")?, directions(views, "views")?);
-        let images = Vectors::new(images, "images", 3)?.into_array();
+        let wavelengths_nm = wavelengths_nm.unwrap_or_default();
+        let channels = if wavelengths_nm.is_empty() { 3 } else { wavelengths_nm.len() };
+        let images = Vectors::new(images, "images", channels)?.into_array();
         let shape = images.shape().to_vec();
         let [_, _, rows, columns, _] = shape[..] else {
-            return Err(value_error("images has not five axes: views, lights, rows, columns and three channels"));
+            return Err(value_error("images has not five axes: views, lights, rows, columns and channels"));
         };
         if shape[..2] != [views.order.len(), lights.order.len()] {
             return Err(value_error(format!(
@@ -52,7 +56,7 @@ impl PyCapture {
         }
         let side: Side = side.parse().map_err(|error| value_error(format!("{error}")))?;
         let mut info = CaptureInfo::new(name, columns, rows, views.set, lights.set, ImageFormat::Exr);
-        (info.side, info.size_mm) = (side, size_mm);
+        (info.side, info.size_mm, info.wavelengths_nm) = (side, size_mm, wavelengths_nm);
         let images: PyReadonlyArrayDyn<'_, f32> = images.extract()?;
         let images = images.as_array();
         let mut values = Vec::new();
@@ -97,6 +101,12 @@ impl PyCapture {
         info.missing.iter().map(|pair| (pair / info.lights.len(), pair % info.lights.len())).collect()
     }
 
+    /// Returns the wavelengths of the bands in nanometres, ascending; empty for colours.
+    #[getter]
+    fn wavelengths_nm<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, self.capture.info().wavelengths_nm.clone())
+    }
+
     /// Returns (rows, columns).
     #[getter]
     fn shape(&self) -> (usize, usize) {
@@ -121,13 +131,7 @@ impl PyCapture {
     /// Raises IndexError for a view or a light that is not there, ValueError for an image that is damaged.
     fn image<'py>(&self, py: Python<'py>, view: usize, light: usize) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let info = self.capture.info();
-        if view >= info.views.len() || light >= info.lights.len() {
-            return Err(pyo3::exceptions::PyIndexError::new_err(format!(
-                "there are {} views and {} lights, counted from 0",
-                info.views.len(),
-                info.lights.len()
-            )));
-        }
+        self.check_pair(view, light)?;
         let pixels = py.detach(|| self.capture.read(view, light)).map_err(|error| capture_error(&error))?;
         let linear = match pixels {
             Pixels::Linear(values) => values,
@@ -139,10 +143,34 @@ impl PyCapture {
         PyArray1::from_vec(py, linear).reshape(vec![info.height, info.width, 3])
     }
 
+    /// Reads all bands of an image, (rows, columns, bands), linear reflectance times cosine, rows from the top.
+    ///
+    /// Raises IndexError for a view or a light that is not there, ValueError for a capture of colours and a damaged image.
+    fn image_bands<'py>(&self, py: Python<'py>, view: usize, light: usize) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let info = self.capture.info();
+        self.check_pair(view, light)?;
+        let bands = py.detach(|| self.capture.read_bands(view, light)).map_err(|error| capture_error(&error))?;
+        PyArray1::from_vec(py, bands).reshape(vec![info.height, info.width, info.wavelengths_nm.len()])
+    }
+
     fn __repr__(&self) -> String {
         let info = self.capture.info();
         let (views, lights) = (info.views.len(), info.lights.len());
         format!("<btf.Capture {}: {} x {} texels, {views} views, {lights} lights>", info.name, info.width, info.height)
+    }
+}
+
+impl PyCapture {
+    /// Refuses a view or a light that is not there.
+    fn check_pair(&self, view: usize, light: usize) -> PyResult<()> {
+        let info = self.capture.info();
+        let [views, lights] = [info.views.len(), info.lights.len()];
+        match view < views && light < lights {
+            true => Ok(()),
+            false => Err(pyo3::exceptions::PyIndexError::new_err(format!(
+                "there are {views} views and {lights} lights, counted from 0"
+            ))),
+        }
     }
 }
 

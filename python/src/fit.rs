@@ -6,8 +6,8 @@ use crate::faults::{capture_error, fit_error, value_error};
 use crate::work;
 use btf_capture::{AtomicFile, Capture, bytes_from_text, write_file_atomically};
 use btf_fit::{
-    ErrorMeasure, FitParams, GpuChoice, MeasureParams, Metrics, Priors, fit_and_measure, layer_for_capture, measure,
-    output_fault, resident_in_parallel,
+    ErrorMeasure, FitParams, GpuChoice, MeasureParams, Metrics, Priors, fit_and_measure, layer_for_capture,
+    measure_capture, output_fault, resident_in_parallel,
 };
 use btf_runtime::Asset;
 use pyo3::prelude::*;
@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 /// clusters, lobes, components: numbers of the model; None for what the goal gives.
 /// error: "gamma", "linear" or "log", the error to make small; "auto" chooses.
 /// heights: whether to find the texels' heights, where they predict steep views.
+/// colours: whether a capture in spectral bands is fitted as colours under D65.
 /// priors: paths of fitted assets by which pairs without an image are predicted; None for those that come with the program,
 /// an empty list for none.
 /// gpu: "off", "auto" for the adapter that multiplies matrices quicker than the processor, or a part of an adapter's name.
@@ -36,7 +37,7 @@ use std::path::{Path, PathBuf};
 #[allow(clippy::too_many_arguments, reason = "each is an argument of the Python function, most by keyword")]
 #[pyfunction]
 #[pyo3(signature = (capture, *, bytes=None, psnr_db=None, output=None, clusters=None, lobes=None, components=None,
-                    error="auto", heights=false, priors=None, gpu="off", seed=1, memory=None, threads=0, progress=None))]
+                    error="auto", heights=false, colours=false, priors=None, gpu="off", seed=1, memory=None, threads=0, progress=None))]
 pub fn fit(
     py: Python<'_>,
     capture: &Bound<'_, PyAny>,
@@ -48,6 +49,7 @@ pub fn fit(
     components: Option<usize>,
     error: &str,
     heights: bool,
+    colours: bool,
     priors: Option<Vec<PathBuf>>,
     gpu: &str,
     seed: u64,
@@ -78,6 +80,7 @@ pub fn fit(
             }
         },
         heights,
+        colours,
         priors: priors.map_or(Priors::BuiltIn, Priors::Assets),
         gpu: GpuChoice::from_words(gpu).map_err(|reason| value_error(format!("gpu: {reason}")))?,
         seed,
@@ -133,7 +136,7 @@ pub fn compare<'py>(
         let layer = layer_for_capture(capture.info(), &parsed)?;
         let resident = resident_in_parallel(&parsed);
         let params = MeasureParams { layer, options, memory_bytes, ..MeasureParams::default() };
-        Ok(measure(&capture, &parsed, &resident, &params, monitor)?.metrics())
+        Ok(measure_capture(&capture, &parsed, &resident, &params, monitor)?.metrics())
     })?;
     as_dict(py, &metrics)
 }

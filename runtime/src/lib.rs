@@ -53,7 +53,9 @@ pub use asset::relief::{MAX_LIKENESS, Relief};
 pub use asset::residual::{
     Basis, COLOUR_FRAME, Coefficients, Factors, MAX_LOG, PredictedGroup, ROOT, Residual, ResidualKind, SharedBases,
 };
-pub use asset::spectrum::{BAND_RANGE_NM, MAX_BAND_WEIGHT, MAX_BANDS, Spectrum, weighted_channels};
+pub use asset::spectrum::{
+    BAND_RANGE_NM, Channels, MAX_BAND_WEIGHT, MAX_BANDS, MAX_GROUPS, Spectrum, weighted_channels,
+};
 pub use asset::sphere::{DIRECTION_WORDS, EDGE_WORDS, Neighbours, SPHERE_HEADER_WORDS, Sphere, TRIANGLE_WORDS};
 pub use btf_leaf_quantities::Part as LeafPart;
 pub use container::directory::{Directory, SectionEntry};

@@ -152,6 +152,7 @@ rules! { "SPMM"
     NO_EDIT = 2422, "a texel names an edit that is not there", WRITE;
     EDITS_TOO_LARGE = 2423, "its edited lobes would take more than 64 MiB", "use fewer edits";
     SPECTRUM = 2431, "its bands are not 1 to 256 ascending wavelengths with weights of at most 1000", WRITE;
+    LIGHT_GROUPS = 2432, "its lights are not there once for each group of channels", WRITE;
     // The resident form.
     PIECES = 3001, "its pieces do not follow each other", CONVERT;
     PIECE_LENGTH = 3002, "a piece is longer than 128 MiB or no whole number of words", CONVERT;

@@ -3,7 +3,7 @@
 pub use crate::asset::disk::ITEM_EDGE;
 pub use crate::asset::lobe::{MIN_COS_VIEW, MIN_HALF};
 pub use crate::asset::relief::{EVEN_LIGHT, HORIZON_STEP, MAX_ALBEDO, RELIEF_WORDS, SLOPE_STEP};
-pub use crate::asset::spectrum::MAX_CHANNEL;
+pub use crate::asset::spectrum::{MAX_CHANNEL, SPECTRUM_HEAD};
 pub use crate::asset::sphere::INSIDE_TOLERANCE;
 pub use crate::decode::evaluate::UNIT_RANGE;
 pub use crate::decode::parallax::{

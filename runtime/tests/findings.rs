@@ -2,7 +2,7 @@
 
 use btf_runtime::testing::{
     FileParts, SectionPart, huge_asset, repair_header_checksum, ring_directions, sample_asset, sample_grouped_asset,
-    sample_heights, sample_relief_asset, sample_spectral_asset,
+    sample_grouped_spectrum, sample_heights, sample_relief_asset, sample_spectral_asset,
 };
 use btf_runtime::{
     ASSET_LAYERS, Asset, Edit, Edits, FormatError, Levels, PackedGoal, PredictedGroup, Resident, ResidentFile,
@@ -252,7 +252,8 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
         ),
         (rule::LEVEL_COMPONENTS, with_word(asset, Kind::Level, 0, 100)),
         (rule::EDIT_COUNT, with_word(asset, Kind::Edits, 0, 0)),
-        (rule::SPECTRUM, with_word(&sample_spectral_asset(3, 4, 3), Kind::Spectrum, 10, NAN)),
+        (rule::SPECTRUM, with_word(&sample_spectral_asset(3, 4, 3), Kind::Spectrum, 11, NAN)),
+        (rule::LIGHT_GROUPS, with_word(&sample_grouped_spectrum(3, 4, 3), Kind::Directions, 3, 0.01f32.to_bits())),
         (
             rule::NO_EDIT,
             with_section(asset, Kind::Edits, |section| {

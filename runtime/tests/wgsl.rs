@@ -176,7 +176,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
     let wgsl = |name: &str| WGSL.iter().chain(LEAF_WGSL).chain(VOLTEX_WGSL).find(|(file, _)| *file == name).unwrap().1;
     // Rust file, WGSL file, the prefix that stands for Rust's module or type, and what WGSL has alone.
     type Twin<'a> = (&'a str, &'a str, &'a str, &'a [&'a str]);
-    let twins: [Twin; 29] = [
+    let twins: [Twin; 30] = [
         (include_str!("../src/numeric/quantize.rs"), "quantize.wgsl", "", &["asset_f32"]),
         (include_str!("../src/asset/sphere.rs"), "sphere.wgsl", "sphere_", &[]),
         (include_str!("../src/asset/lobe.rs"), "lobe.wgsl", "lobe_", &["lobe_from_resident"]),
@@ -206,6 +206,7 @@ fn twin_files_hold_the_same_functions_in_the_same_order() {
             "relief_",
             &["relief_light", "relief_seen", "relief_of_views", "relief_here"],
         ),
+        (include_str!("../src/decode/shown.rs"), "shown.wgsl", "shown_", &[]),
         (include_str!("../src/decode/viewed_texel.rs"), "viewed_texel.wgsl", "viewed_", &["viewed_found_rows"]),
         (include_str!("../src/decode/sample.rs"), "sample.wgsl", "", &["sample_lobe_at"]),
         (

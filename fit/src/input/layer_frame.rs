@@ -42,7 +42,7 @@ pub fn layer_directions(set: &DirectionSet, side: Side) -> Vec<[f32; 3]> {
 /// If two directions of the layer have the same angles.
 pub fn capture_directions(layer: &Layer, side: Side) -> Result<(DirectionSet, DirectionSet), FitError> {
     let set = |sphere: &Sphere, behind: bool| {
-        let directions = (0..sphere.len() as u32).map(|id| {
+        let directions = (0..sphere.distinct() as u32).map(|id| {
             let [x, y, z] = sphere.direction(id);
             angles_from_unit([mirrored_x(x, side), y, if behind { -z } else { z }])
         });

@@ -168,7 +168,7 @@ fn describe_layer(layers: &[Layer], number: usize, sections: &[SectionEntry]) ->
     LayerDescription {
         side: side_of_layer(layer).to_string(),
         views: layer.views.len(),
-        lights: layer.lights.len(),
+        lights: layer.lights.distinct(),
         clusters: layer.dictionary.len(),
         dictionary_lobes: dictionary.iter().sum(),
         lobe_use: LobeUse::of(layers, number, sections),

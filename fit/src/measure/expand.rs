@@ -7,7 +7,7 @@ use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::monitor::Monitor;
 use crate::provenance::Material;
 use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
-use btf_runtime::{Asset, DecodeOptions, Resident, Sphere, SurfaceSide, decode};
+use btf_runtime::{Asset, Channels, DecodeOptions, Resident, Spectrum, Sphere, SurfaceSide, ViewedTexel};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -83,20 +83,12 @@ pub fn expand(
     let info = expand_info(asset, params)?;
     let layer = &asset.layers[params.layer];
     let spectrum = asset.spectrum.as_ref().filter(|_| !info.wavelengths_nm.is_empty());
-    // Bands follow from the channels themselves.
-    let (mut in_channels, channels) = (None, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
-    let resident = match spectrum.filter(|_| !asset.edits.list.is_empty()) {
-        None => resident,
-        Some(_) => {
-            let resident: &mut Resident = in_channels.insert(resident.clone());
-            resident.set_shown(channels);
-            &*resident
-        }
+    let decoders: Vec<ImageDecoder> = match spectrum {
+        None => vec![ImageDecoder::new(asset, resident, params.layer, &params.options)],
+        Some(spectrum) => (0..spectrum.groups)
+            .map(|group| ImageDecoder::new(asset, resident, params.layer, &params.options).showing(channels_of(group)))
+            .collect(),
     };
-    let mut decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
-    if spectrum.is_some() {
-        decoder = decoder.showing(channels);
-    }
     // The writer refuses directions on another side of the surface than the layer's.
     let writer = CaptureWriter::create(dir, info.clone())?;
     let views = Spot::of_set(&layer.views, &info.views, info.side);
@@ -106,14 +98,17 @@ pub fn expand(
     (0..pairs).into_par_iter().try_for_each(|pair| -> Result<(), FitError> {
         monitor.report("expand", done.fetch_add(1, Ordering::Relaxed), pairs)?;
         let (view, light) = (pair / lights.len(), pair % lights.len());
-        let plan = decoder.plan(views[view], lights[light]);
-        let mut image = vec![0.0; texels * 3];
-        decoder.decode_image(&plan, &mut image);
-        show_edits(asset, resident, params, views[view], lights[light], &mut image);
-        let mut image = match &spectrum {
-            Some(spectrum) => image.as_chunks().0.iter().flat_map(|channels| spectrum.bands(*channels)).collect(),
-            None => image,
+        let plan = decoders[0].plan(views[view], lights[light]);
+        let mut images = decoders.iter().map(|decoder| {
+            let mut image = vec![0.0; texels * 3];
+            decoder.decode_image(&plan, &mut image);
+            image
+        });
+        let mut image = match spectrum {
+            Some(spectrum) => bands_of(spectrum, &images.collect::<Vec<_>>()),
+            None => images.next().unwrap_or_default(),
         };
+        show_edits(asset, resident, params, [views[view], lights[light]], spectrum, &mut image);
         turn_channels(&mut image, info.channels(), info.width, info.side);
         Ok(writer.write(view, light, &image)?)
     })?;
@@ -123,8 +118,34 @@ pub fn expand(
     Ok(info)
 }
 
-/// Decodes texels that were edited once more, with their edits.
-fn show_edits(asset: &Asset, resident: &Resident, params: &ExpandParams, view: Spot, light: Spot, image: &mut [f32]) {
+/// Returns the weights that show the channels of a group as they are.
+fn channels_of(group: usize) -> [Channels; 3] {
+    [0, 1, 2].map(|value| std::array::from_fn(|channel| f32::from(u8::from(channel == 3 * group + value))))
+}
+
+/// Returns the bands `[texel, band]` of images of the channels of each group.
+fn bands_of(spectrum: &Spectrum, groups: &[Vec<f32>]) -> Vec<f32> {
+    let texels = groups.first().map_or(0, |image| image.len() / 3);
+    let mut bands = Vec::with_capacity(texels * spectrum.weights.len());
+    for texel in 0..texels {
+        let mut channels = Channels::default();
+        for (group, image) in groups.iter().enumerate() {
+            channels[3 * group..3 * group + 3].copy_from_slice(&image[3 * texel..3 * texel + 3]);
+        }
+        bands.extend(spectrum.bands(channels));
+    }
+    bands
+}
+
+/// Decodes texels that were edited once more, with their edits, as bands of `spectrum` where there is one.
+fn show_edits(
+    asset: &Asset,
+    resident: &Resident,
+    params: &ExpandParams,
+    [view, light]: [Spot; 2],
+    spectrum: Option<&Spectrum>,
+    image: &mut [f32],
+) {
     let layer = &asset.layers[params.layer];
     let unit = |spot: Spot, sphere: &Sphere, side: SurfaceSide| {
         let [x, y, z] = match spot {
@@ -136,8 +157,15 @@ fn show_edits(asset: &Asset, resident: &Resident, params: &ExpandParams, view: S
     };
     let (wo, wi) = (unit(view, &layer.views, layer.view_side), unit(light, &layer.lights, layer.light_side));
     for (texel, _) in asset.edits.texels.iter().enumerate().filter(|(_, edit)| **edit > 0) {
-        let value = decode(resident, params.layer as u32, texel as u32, wi, wo, &params.options);
-        image[3 * texel..3 * texel + 3].copy_from_slice(&value);
+        let viewed = ViewedTexel::new(resident, params.layer as u32, texel as u32, wo, &params.options);
+        match spectrum {
+            None => image[3 * texel..3 * texel + 3].copy_from_slice(&viewed.light_alone(wi)),
+            Some(spectrum) => {
+                let bands = image[texel * spectrum.weights.len()..].iter_mut();
+                let told = spectrum.bands(viewed.channels_alone(wi).unwrap_or_default());
+                bands.zip(told).for_each(|(band, x)| *band = x);
+            }
+        }
     }
 }
 

@@ -7,10 +7,10 @@
 use crate::input::layer_frame::layer_directions;
 use crate::measure::texel_tiles::{BasisWeights, RowWord, TILE_TEXELS, TexelTile, TileRgb, texel_tiles};
 use btf_capture::{DirectionSet, Side};
+use btf_runtime::twin_constants::MAX_CHANNEL;
 use btf_runtime::{
-    Asset, DecodeOptions, HORIZON_COS, HeightField, HeightUse, Interpolation, Layer, LobeRole, LobeSetup, Neighbours,
-    RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, SurfaceSide, ViewedTexel, block,
-    weighted_channels,
+    Asset, Channels, DecodeOptions, HORIZON_COS, HeightField, HeightUse, Interpolation, Layer, LobeRole, LobeSetup,
+    Neighbours, RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, SurfaceSide, ViewedTexel, block,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
@@ -36,9 +36,14 @@ impl Spot {
         (0..sphere.len()).find(same).map_or(Spot::Other(unit), Spot::Measured)
     }
 
-    /// Returns one spot per direction of the set of a capture of `side`.
+    /// Returns one spot per direction of the set of a capture of `side`. Of directions that come more than once each is that
+    /// of its own number, if it is the same.
     pub fn of_set(sphere: &Sphere, set: &DirectionSet, side: Side) -> Vec<Spot> {
-        layer_directions(set, side).into_iter().map(|unit| Spot::find(sphere, unit)).collect()
+        let own = |number: usize, unit| {
+            let is_own = number < sphere.len() && is_same_direction(sphere.direction(number as u32), unit);
+            if is_own { Spot::Measured(number) } else { Spot::find(sphere, unit) }
+        };
+        layer_directions(set, side).into_iter().enumerate().map(|(number, unit)| own(number, unit)).collect()
     }
 }
 
@@ -78,7 +83,9 @@ pub struct ImageDecoder<'a> {
     first_lobe: Vec<usize>,
     tiles: Vec<TexelTile>,
     /// What follows from the channels of an asset with a spectrum.
-    shown: Option<[[f32; 3]; 3]>,
+    shown: Option<[Channels; 3]>,
+    /// Groups of channels.
+    groups: usize,
 }
 
 /// Everything that all texels share at one pair of directions.
@@ -91,11 +98,13 @@ pub struct PairPlan {
     fade: f32,
     /// Finished image, where parallax is removed and a texel shows other texels.
     image: Option<Vec<[f32; 3]>>,
+    /// Plans of the other groups of channels.
+    more: Vec<PairPlan>,
 }
 
 impl PairPlan {
     /// Plan of a black image, which every other plan starts from.
-    const NOTHING: PairPlan = PairPlan { taps: Vec::new(), here: None, fade: 1.0, image: None };
+    const NOTHING: PairPlan = PairPlan { taps: Vec::new(), here: None, fade: 1.0, image: None, more: Vec::new() };
 
     /// Returns the image as a plain sum; `None` where directions are interpolated by the exact rule or with heights, and for a
     /// black image.
@@ -135,6 +144,7 @@ impl<'a> ImageDecoder<'a> {
         let base = words[btf_runtime::ASSET_LAYERS + layer] as usize;
         let source = &asset.layers[layer];
         let bases = words[base + block::BASES].min(options.components.saturating_add(1)) as usize;
+        let spectrum = resident.spectrum();
         let mut setups = Vec::new();
         let mut first_lobe = Vec::new();
         for dictionary in &source.dictionary {
@@ -161,7 +171,8 @@ impl<'a> ImageDecoder<'a> {
             setups,
             first_lobe,
             tiles: texel_tiles(source, bases, options.lobes as usize),
-            shown: resident.spectrum().map(|spectrum| spectrum.shown),
+            groups: spectrum.as_ref().map_or(1, |spectrum| spectrum.groups),
+            shown: spectrum.map(|spectrum| spectrum.shown),
         }
     }
 
@@ -188,7 +199,7 @@ impl<'a> ImageDecoder<'a> {
 
     /// Returns this decoder of an asset with a spectrum, giving other values than the asset asks for: weights of the
     /// channels, `[value][channel]`.
-    pub fn showing(self, shown: [[f32; 3]; 3]) -> ImageDecoder<'a> {
+    pub fn showing(self, shown: [Channels; 3]) -> ImageDecoder<'a> {
         ImageDecoder { shown: self.shown.map(|_| shown), ..self }
     }
 
@@ -205,18 +216,26 @@ impl<'a> ImageDecoder<'a> {
     /// Plans a pair. Cost: an evaluation of every dictionary lobe, ten where neither direction is measured and the
     /// interpolation is exact.
     pub fn plan(&self, view: Spot, light: Spot) -> PairPlan {
+        let more = (1..self.groups).map(|group| self.plan_group(view, light, group)).collect();
+        PairPlan { more, ..self.plan_group(view, light, 0) }
+    }
+
+    /// Plans a pair for a group of channels.
+    fn plan_group(&self, view: Spot, light: Spot, group: usize) -> PairPlan {
         let (lights, views) = (&self.layer.lights, &self.layer.views);
+        let first = group * (lights.len() / self.groups);
         if let (Spot::Measured(v), Spot::Measured(l)) = (view, light) {
-            return PairPlan { taps: vec![self.tap(v, l, 1.0)], ..PairPlan::NOTHING };
+            return PairPlan { taps: vec![self.tap(v, first + l, 1.0)], ..PairPlan::NOTHING };
         }
         let (wo, out) = neighbours(views, view);
-        let (wi, into) = neighbours(lights, light);
+        let (wi, mut into) = neighbours(lights, light);
+        into.ids = into.ids.map(|id| id + first as u32);
         if wi[2] <= 0.0 || wo[2] <= 0.0 {
             return PairPlan::NOTHING;
         }
         let fade = (wi[2] / HORIZON_COS.min(lights.least_cosine())).min(1.0);
         if self.has_relief() {
-            return PairPlan { image: Some(self.relief_image(wi, wo)), ..PairPlan::NOTHING };
+            return PairPlan { image: Some(self.relief_image(wi, wo, group)), ..PairPlan::NOTHING };
         }
         if let Some(field) = self.heights.as_ref().filter(|_| out.beyond < 1.0) {
             let image = self.shifted_image([wi, wo], [&into, &out], fade, &self.seen_by(field, wo, &out));
@@ -261,7 +280,7 @@ impl<'a> ImageDecoder<'a> {
     }
 
     /// Returns the image at `[wi, wo]`, whose interpolation relief corrects texel by texel.
-    fn relief_image(&self, wi: [f32; 3], wo: [f32; 3]) -> Vec<[f32; 3]> {
+    fn relief_image(&self, wi: [f32; 3], wo: [f32; 3], group: usize) -> Vec<[f32; 3]> {
         let layer = self.number as u32;
         let back = [self.layer.light_side, self.layer.view_side].map(|side| side == SurfaceSide::Back);
         let [wi, wo] = [(wi, back[0]), (wo, back[1])].map(|([x, y, z], back)| [x, y, if back { -z } else { z }]);
@@ -272,7 +291,8 @@ impl<'a> ImageDecoder<'a> {
                     Some(bases) => ViewedTexel::new_single(self.resident, bases, layer, texel, wo, &self.options),
                     None => ViewedTexel::new(self.resident, layer, texel, wo, &self.options),
                 };
-                viewed.channels_alone(wi).unwrap_or([0.0; 3])
+                let channels = viewed.channels_alone(wi).unwrap_or_default();
+                [0, 1, 2].map(|c| channels[3 * group + c])
             })
             .collect()
     }
@@ -428,17 +448,27 @@ impl<'a> ImageDecoder<'a> {
         plan: &PairPlan,
         out: &mut TileRgb,
     ) {
-        self.decode_channels(simd, tile, weights, plan, out);
+        self.decode_group(simd, tile, weights, plan, out);
         let Some(shown) = &self.shown else { return };
-        for i in 0..TILE_TEXELS {
-            let channels = [out[0][i], out[1][i], out[2][i]];
-            (0..3).for_each(|value| out[value][i] = weighted_channels(&shown[value], channels));
+        let mut sums = [[0.0; TILE_TEXELS]; 3];
+        let mut of_group = *out;
+        for group in 0..self.groups {
+            if group > 0 {
+                self.decode_group(simd, tile, weights, &plan.more[group - 1], &mut of_group);
+            }
+            for (sums, weights) in sums.iter_mut().zip(shown) {
+                for (channel, values) in of_group.iter().enumerate() {
+                    let weight = weights[3 * group + channel];
+                    sums.iter_mut().zip(values).for_each(|(sum, x)| *sum += weight * x.min(MAX_CHANNEL));
+                }
+            }
         }
+        *out = sums.map(|sums| sums.map(|sum| sum.max(0.0)));
     }
 
-    /// Decodes the channels of `tile`'s texels.
+    /// Decodes the channels of a group of `tile`'s texels.
     #[inline(always)]
-    fn decode_channels<S: Simd>(
+    fn decode_group<S: Simd>(
         &self,
         simd: S,
         tile: &TexelTile,

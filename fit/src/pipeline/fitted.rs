@@ -141,7 +141,8 @@ fn fit_channels(
 
 /// Returns the bytes that the spectrum of an asset takes at most, with its entry in the table of sections.
 fn spectrum_bytes(basis: &SpectralBasis) -> usize {
-    4 * (10 + 4 * basis.wavelengths_nm.len()) + 32 + 16
+    let (bands, channels) = (basis.wavelengths_nm.len(), 3 * basis.analysis.len());
+    4 * (2 + 3 * channels + bands * (1 + channels)) + 32 + 16
 }
 
 #[cfg(test)]

@@ -140,7 +140,7 @@ impl<'a> LayerSource<'a> {
         sample: usize,
         stages: &'a Stages<'a>,
     ) -> Result<LayerSource<'a>, FitError> {
-        let lights = Sphere::new(&layer_directions(&info.lights, info.side))?;
+        let lights = Sphere::of_rounds(&layer_directions(&info.lights, info.side), info.lights.rounds())?;
         let views = Sphere::new(&layer_directions(&info.views, info.side))?;
         let holdout = Holdout::new(info, params.leave_out(), params.seed());
         let (kind, epsilon) = params.error().residual();

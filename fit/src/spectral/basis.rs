@@ -1,17 +1,16 @@
-//! The basis along wavelength of a capture in bands: three spectra of which all others are sums. The capture is fitted in
-//! their shares, as three channels of one matrix; bands follow from these.
+//! The basis along wavelength of a capture in bands: a few sensors whose values tell all bands. The capture is fitted in these
+//! channels, of which each texel has one set of coefficients, as one matrix; bands follow by weighted sums.
 //!
-//! The spectra are those of least squares in the root curve, to first order, and none is negative
-//! ([`crate::spectral::non_negative`]), so that shares are not negative either and may be fitted like colours. The shares of a
-//! measured spectrum are linear in its bands: what matrix tells them best is found by least squares over the same spectra.
+//! The first three channels are the colours under D65 where the bands are those that an eye sees, so that a renderer of
+//! colours decodes no others. Each further channel is the sensor that leaves the least error together with those before it
+//! (forward selection), of sensors about each wavelength. Channels of sensors are not negative and are fitted like colours.
 
 use crate::error::FitError;
 use crate::monitor::Monitor;
-use crate::spectral::non_negative::factorise;
-use btf_capture::{Capture, MAX_BANDS, rgb_weights};
-use btf_runtime::{MAX_BAND_WEIGHT, ROOT, Spectrum};
+use btf_capture::{Capture, rgb_weights};
+use btf_runtime::{Channels, MAX_BAND_WEIGHT, MAX_GROUPS, ROOT, Spectrum};
 use nalgebra::DMatrix;
-use ndarray::{Array2, Axis};
+use ndarray::{Array1, Array2, s};
 use rayon::prelude::*;
 
 /// Images that spectra are taken from, of all captures together, and spectra of each.
@@ -20,17 +19,25 @@ const SPECTRA: usize = 192;
 /// Reflectance below which a relative error does not count.
 const EPSILON: f32 = 1e-3;
 /// Ridge of the least squares, relative to the mean of the diagonal.
-const RIDGE: f64 = 1e-6;
+const RIDGE: f64 = 1e-7;
+/// Width of a sensor in nanometres: the standard deviation of its Gaussian, or the distance of bands if that is larger.
+const MIN_WIDTH_NM: f64 = 15.0;
+/// Root mean square error in the root curve, 48 dB, that no further group of channels is needed for.
+const FINE: f64 = 0.004;
+/// Bands up to these, or from them on, are not seen by an eye.
+const SEEN_NM: [f64; 2] = [480.0, 620.0];
 
 /// Basis along wavelength.
 #[derive(Debug, Clone)]
 pub struct SpectralBasis {
     /// Wavelengths of the bands in nanometres, ascending.
     pub wavelengths_nm: Vec<f64>,
-    /// What each channel is of the bands, `[band][channel]`: for [`Capture::through`].
-    pub analysis: Vec<[f32; 3]>,
-    /// What each band is of the channels, `[band][channel]`.
-    pub synthesis: Vec<[f32; 3]>,
+    /// What each channel is of the bands, `[group][band][channel]`: for [`Capture::in_groups`].
+    pub analysis: Vec<Vec<[f32; 3]>>,
+    /// What each band is of the channels.
+    pub synthesis: Vec<Channels>,
+    /// Whether the first group is the colours under D65.
+    pub has_colours: bool,
     /// Root mean square error of the spectra that the basis was found from, in the curve `x^(1 / 2.4)`: what remains if the
     /// channels are exact.
     pub root_rmse: f64,
@@ -64,49 +71,132 @@ impl SpectralBasis {
     /// Finds the basis of spectra, `[sample, band]`.
     fn of_spectra(wavelengths_nm: Vec<f64>, samples: &Array2<f32>) -> SpectralBasis {
         let bands = wavelengths_nm.len();
-        if bands <= 3 {
-            let own: Vec<[f32; 3]> =
-                (0..bands).map(|band| std::array::from_fn(|channel| f32::from(u8::from(channel == band)))).collect();
-            return SpectralBasis { wavelengths_nm, analysis: own.clone(), synthesis: own, root_rmse: 0.0 };
-        }
-        // The square of the curve's derivative.
-        let weight = |x: f32| (x + EPSILON).powf(2.0 / ROOT - 2.0);
-        let [mut spectra, mut shares] = factorise(samples, &samples.mapv(weight), 3);
-        order_by_wavelength(&mut spectra, &mut shares);
-        let of_row: Vec<f32> = samples.rows().into_iter().map(|row| weight(row.mean().unwrap_or(0.0))).collect();
-        let analysis = least_squares(samples, &shares, &of_row);
-        let told = samples.dot(&analysis).mapv(|x| x.max(0.0)).dot(&spectra.t());
-        let curve = |x: f32| f64::from((x.max(0.0) + EPSILON).powf(1.0 / ROOT));
-        let squares: f64 = told.iter().zip(samples).map(|(x, y)| (curve(*x) - curve(*y)).powi(2)).sum();
-        let rows = |matrix: &Array2<f32>| -> Vec<[f32; 3]> {
-            let held = |x: f32| x.clamp(-MAX_BAND_WEIGHT, MAX_BAND_WEIGHT);
-            matrix.rows().into_iter().map(|row| [0, 1, 2].map(|channel| held(row[channel]))).collect()
+        let has_colours = bands > 3 && wavelengths_nm[0] < SEEN_NM[0] && wavelengths_nm[bands - 1] > SEEN_NM[1];
+        let mut sensors: Vec<Array1<f32>> = match rgb_weights(&wavelengths_nm).filter(|_| has_colours) {
+            Some(rgb) => (0..3).map(|channel| rgb.iter().map(|weights| weights[channel]).collect()).collect(),
+            None => Vec::new(),
         };
+        let candidates = sensors_of(&wavelengths_nm);
+        let task = Task::new(samples);
+        let mut basis = task.told(&sensors);
+        while basis.root_rmse > FINE && sensors.len() < bands.min(3 * MAX_GROUPS) {
+            let first = sensors.len();
+            while sensors.len() < (first + 3).min(bands) {
+                let with = |sensor: &Array1<f32>| [&sensors[..], std::slice::from_ref(sensor)].concat();
+                let errors: Vec<f64> = candidates.par_iter().map(|sensor| task.told(&with(sensor)).root_rmse).collect();
+                let best = (0..errors.len()).fold(0, |best, i| if errors[i] < errors[best] { i } else { best });
+                sensors.push(candidates[best].clone());
+            }
+            // The longest wavelength first, as red is before blue: lobes have one weight for the channels of a place.
+            let middle = |sensor: &Array1<f32>| sensor.iter().enumerate().map(|(band, x)| band as f32 * x).sum::<f32>();
+            sensors[first..].sort_by(|a, b| middle(b).total_cmp(&middle(a)));
+            basis = task.told(&sensors);
+        }
+        SpectralBasis::of_sensors(wavelengths_nm, &sensors, &basis, has_colours)
+    }
+
+    fn of_sensors(wavelengths_nm: Vec<f64>, sensors: &[Array1<f32>], told: &Told, has_colours: bool) -> SpectralBasis {
+        let bands = wavelengths_nm.len();
+        let analysis = sensors.chunks(3).map(|group| {
+            let of_band = |band: usize| std::array::from_fn(|i| group.get(i).map_or(0.0, |sensor| sensor[band]));
+            (0..bands).map(of_band).collect()
+        });
+        let synthesis = told.synthesis.columns().into_iter().map(|weights| {
+            let held = |weight: &f32| weight.clamp(-MAX_BAND_WEIGHT, MAX_BAND_WEIGHT);
+            std::array::from_fn(|channel| weights.get(channel).map_or(0.0, held))
+        });
         SpectralBasis {
+            analysis: analysis.collect(),
+            synthesis: synthesis.collect(),
             wavelengths_nm,
-            analysis: rows(&analysis),
-            synthesis: rows(&spectra),
-            root_rmse: (squares / samples.len().max(1) as f64).sqrt(),
+            has_colours,
+            root_rmse: told.root_rmse,
         }
     }
 
     /// Returns the captures in the channels of this basis.
     ///
     /// # Errors
-    /// Those of [`Capture::through`].
+    /// Those of [`Capture::in_groups`].
     pub fn channels(&self, captures: &[Capture]) -> Result<Vec<Capture>, FitError> {
-        captures.iter().map(|capture| Ok(capture.through(&self.analysis)?)).collect()
+        captures.iter().map(|capture| Ok(capture.in_groups(&self.analysis)?)).collect()
     }
 
     /// Returns what an asset in these channels says of its bands; colours are those under D65.
     pub fn spectrum(&self) -> Spectrum {
         let mut spectrum = Spectrum {
             wavelengths_nm: self.wavelengths_nm.iter().map(|nm| *nm as f32).collect(),
+            groups: self.analysis.len(),
             weights: self.synthesis.clone(),
-            shown: [[0.0; 3]; 3],
+            shown: std::array::from_fn(|value| std::array::from_fn(|channel| f32::from(u8::from(channel == value)))),
         };
-        spectrum.shown = spectrum.shown_through(&rgb_weights(&self.wavelengths_nm).unwrap_or_default());
+        if !self.has_colours {
+            spectrum.shown = spectrum.shown_through(&rgb_weights(&self.wavelengths_nm).unwrap_or_default());
+        }
         spectrum
+    }
+}
+
+/// Returns a sensor about each band, its weights for all bands: a Gaussian of unit sum.
+fn sensors_of(wavelengths_nm: &[f64]) -> Vec<Array1<f32>> {
+    let count = wavelengths_nm.len();
+    let step = (wavelengths_nm[count - 1] - wavelengths_nm[0]) / (count - 1).max(1) as f64;
+    let width = if count <= 3 { 1e-3 } else { step.max(MIN_WIDTH_NM) };
+    let about = |middle: &f64| {
+        let weights: Array1<f64> =
+            wavelengths_nm.iter().map(|nm| (-0.5 * ((nm - middle) / width).powi(2)).exp()).collect();
+        (&weights / weights.sum()).mapv(|x| x as f32)
+    };
+    wavelengths_nm.iter().map(about).collect()
+}
+
+/// Spectra with the weights by which least squares are those of the root curve, to first order.
+struct Task<'a> {
+    samples: &'a Array2<f32>,
+    weights: Vec<f64>,
+    encoded: Array2<f32>,
+}
+
+/// What sensors tell of the spectra.
+struct Told {
+    /// Weights of the sensors in each band, `[sensor, band]`.
+    synthesis: Array2<f32>,
+    root_rmse: f64,
+}
+
+/// Returns the curve in which errors count.
+fn encoded(x: f32) -> f32 {
+    (x.max(0.0) + EPSILON).powf(1.0 / ROOT)
+}
+
+impl<'a> Task<'a> {
+    fn new(samples: &'a Array2<f32>) -> Task<'a> {
+        let mean = |row: ndarray::ArrayView1<f32>| f64::from(row.mean().unwrap_or(0.0) + EPSILON);
+        let weight = |row| mean(row).powf(2.0 / f64::from(ROOT) - 2.0);
+        let weights = samples.rows().into_iter().map(weight).collect();
+        Task { samples, weights, encoded: samples.mapv(encoded) }
+    }
+
+    /// Finds what `sensors` tell of the spectra. What one of them sees below 0 counts as 0, as it does in an asset.
+    fn told(&self, sensors: &[Array1<f32>]) -> Told {
+        let bands = self.samples.ncols();
+        let mut matrix = Array2::<f32>::zeros((bands, sensors.len()));
+        sensors.iter().enumerate().for_each(|(i, sensor)| matrix.slice_mut(s![.., i]).assign(sensor));
+        let channels = self.samples.dot(&matrix).mapv(|x| x.max(0.0));
+        // In double precision: smooth spectra hardly span more than a few dimensions.
+        let mut weighted = channels.mapv(f64::from);
+        weighted.rows_mut().into_iter().zip(&self.weights).for_each(|(mut row, weight)| row *= *weight);
+        let gram = weighted.t().dot(&channels.mapv(f64::from));
+        let cross = weighted.t().dot(&self.samples.mapv(f64::from));
+        let count = sensors.len();
+        let ridge = RIDGE * gram.diag().sum() / count.max(1) as f64 + 1e-12;
+        let square = DMatrix::from_fn(count, count, |i, j| gram[[i, j]] + if i == j { ridge } else { 0.0 });
+        let right = DMatrix::from_fn(count, bands, |i, j| cross[[i, j]]);
+        let solved = square.cholesky().map_or_else(|| DMatrix::zeros(count, bands), |cholesky| cholesky.solve(&right));
+        let synthesis = Array2::from_shape_fn((count, bands), |(i, j)| solved[(i, j)] as f32);
+        let told = channels.dot(&synthesis).mapv(encoded);
+        let squares: f64 = told.iter().zip(&self.encoded).map(|(x, y)| f64::from(x - y).powi(2)).sum();
+        Told { synthesis, root_rmse: (squares / self.samples.len().max(1) as f64).sqrt() }
     }
 }
 
@@ -121,7 +211,7 @@ fn spectra_of(captures: &[Capture], monitor: &Monitor) -> Result<Array2<f32>, Fi
             (0..count).map(move |i| (capture, pairs[(2 * i + 1) * pairs.len() / (2 * count)]))
         })
         .collect();
-    let bands = captures[0].info().wavelengths_nm.len().min(MAX_BANDS);
+    let bands = captures[0].info().wavelengths_nm.len();
     let rows = chosen.par_iter().enumerate().map(|(number, (capture, pair))| {
         monitor.check()?;
         let info = capture.info();
@@ -137,44 +227,10 @@ fn spectra_of(captures: &[Capture], monitor: &Monitor) -> Result<Array2<f32>, Fi
         .map_err(|error| FitError::Params(format!("the spectra have no even shape ({error})")))
 }
 
-/// Orders channels by the wavelength of their mean, the longest first, as red is before blue, and scales each so that its
-/// largest band is 1.
-fn order_by_wavelength(spectra: &mut Array2<f32>, shares: &mut Array2<f32>) {
-    let middle = |column: usize| {
-        let column = spectra.column(column);
-        let weighted: f32 = column.iter().enumerate().map(|(band, x)| band as f32 * x).sum();
-        weighted / column.sum().max(1e-12)
-    };
-    let mut order = [0, 1, 2];
-    order.sort_by(|a, b| middle(*b).total_cmp(&middle(*a)));
-    *spectra = spectra.select(Axis(1), &order);
-    *shares = shares.select(Axis(1), &order);
-    for (mut spectrum, mut share) in spectra.columns_mut().into_iter().zip(shares.columns_mut()) {
-        let largest = spectrum.fold(1e-6f32, |most, x| most.max(*x));
-        spectrum /= largest;
-        share *= largest;
-    }
-}
-
-/// Returns the matrix `[band, channel]` that tells `shares` of `samples` with the least squares, each row times its weight.
-fn least_squares(samples: &Array2<f32>, shares: &Array2<f32>, weights: &[f32]) -> Array2<f32> {
-    // In double precision: smooth spectra hardly span more than a few dimensions.
-    let [samples, shares] = [samples, shares].map(|numbers| numbers.mapv(f64::from));
-    let mut weighted = samples.clone();
-    weighted.rows_mut().into_iter().zip(weights).for_each(|(mut row, weight)| row *= f64::from(*weight));
-    let (gram, cross) = (weighted.t().dot(&samples), weighted.t().dot(&shares));
-    let bands = samples.ncols();
-    let ridge = RIDGE * gram.diag().sum() / bands as f64 + 1e-12;
-    let matrix = DMatrix::from_fn(bands, bands, |i, j| gram[[i, j]] + if i == j { ridge } else { 0.0 });
-    let right = DMatrix::from_fn(bands, 3, |i, j| cross[[i, j]]);
-    let solved = matrix.cholesky().map_or_else(|| DMatrix::zeros(bands, 3), |cholesky| cholesky.solve(&right));
-    Array2::from_shape_fn((bands, 3), |(i, j)| solved[(i, j)] as f32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use btf_capture::{CaptureInfo, DirectionSet, ImageFormat};
+    use btf_capture::{CaptureInfo, DirectionSet, ImageFormat, Pixels};
 
     /// Reflectance of a made-up leaf: a green hump and a rise to the infrared, by its pigment.
     fn reflectance(nm: f64, pigment: f64) -> f64 {
@@ -199,33 +255,43 @@ mod tests {
         Capture::from_linear(info, values).unwrap()
     }
 
+    fn linear(capture: &Capture, view: usize, light: usize) -> Vec<f32> {
+        match capture.read(view, light).unwrap() {
+            Pixels::Linear(values) => values,
+            other => panic!("{other:?}"),
+        }
+    }
+
     #[test]
-    fn channels_are_not_negative_and_bands_follow_from_them() {
+    fn the_first_channels_are_colours_and_bands_follow_from_all() {
         let captures = [capture(31)];
         let basis = SpectralBasis::of_captures(&captures, &Monitor::default()).unwrap().unwrap();
-        assert!(basis.root_rmse < 0.01, "{}", basis.root_rmse);
-        assert!(basis.synthesis.iter().flatten().all(|x| (0.0..=1.0).contains(x)));
+        let groups = basis.analysis.len();
+        assert!(basis.has_colours && groups >= 2 && basis.root_rmse < FINE, "{groups} {}", basis.root_rmse);
         let channels = &basis.channels(&captures).unwrap()[0];
+        assert_eq!(channels.info().lights.len(), 4 * groups);
         let (spectrum, bands) = (basis.spectrum(), captures[0].read_bands(1, 2).unwrap());
-        let btf_capture::Pixels::Linear(values) = channels.read(1, 2).unwrap() else { panic!("not linear") };
-        for (x, bands) in values.as_chunks::<3>().0.iter().zip(bands.chunks(31)) {
-            assert!(x.iter().all(|x| *x > -0.01), "{x:?}");
-            for (told, band) in spectrum.bands(*x).zip(bands) {
-                assert!((told - band).abs() < 0.02, "{told} {band}");
+        assert!(spectrum.is_valid());
+        assert_eq!(linear(channels, 1, 2), linear(&captures[0], 1, 2));
+        let parts: Vec<Vec<f32>> = (0..groups).map(|group| linear(channels, 1, 4 * group + 2)).collect();
+        for (texel, bands) in bands.chunks(31).enumerate() {
+            let mut x: Channels = Default::default();
+            parts.iter().enumerate().for_each(|(g, part)| x[3 * g..3 * g + 3].copy_from_slice(&part[3 * texel..][..3]));
+            for (told, band) in spectrum.bands(x).zip(bands) {
+                assert!((told - band).abs() < 0.01, "{told} {band}");
             }
         }
-        // White is white, and the colours are those that the capture itself has.
-        let btf_capture::Pixels::Linear(colours) = captures[0].read(1, 2).unwrap() else { panic!("not linear") };
-        for (x, colour) in values.as_chunks::<3>().0.iter().zip(colours.as_chunks::<3>().0) {
-            let told = spectrum.shown.map(|row| row[0] * x[0] + row[1] * x[1] + row[2] * x[2]);
-            assert!((0..3).all(|c| (told[c] - colour[c]).abs() < 0.01), "{told:?} {colour:?}");
-        }
+        // Planted difference: colours alone do not tell the infrared.
+        let task = spectra_of(&captures, &Monitor::default()).unwrap();
+        let rgb = rgb_weights(&basis.wavelengths_nm).unwrap();
+        let colours: Vec<Array1<f32>> = (0..3).map(|c| rgb.iter().map(|weights| weights[c]).collect()).collect();
+        assert!(Task::new(&task).told(&colours).root_rmse > 5.0 * FINE);
     }
 
     #[test]
     fn few_bands_are_channels_themselves_and_colours_have_no_basis() {
         let basis = SpectralBasis::of_captures(&[capture(2)], &Monitor::default()).unwrap().unwrap();
-        assert_eq!((&basis.analysis, basis.root_rmse), (&vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], 0.0));
+        assert!(basis.analysis.len() == 1 && basis.root_rmse < 1e-3, "{basis:?}");
         let set = DirectionSet::random(2, 1).unwrap();
         let info = CaptureInfo::new("grey", 1, 1, set.clone(), set, ImageFormat::Exr);
         let grey = Capture::from_linear(info, vec![0.5; 12]).unwrap();

@@ -5,7 +5,7 @@ use crate::measure::compare::{CaptureImages, Comparison, MeasureParams, colour_p
 use crate::measure::image_decoder::ImageDecoder;
 use crate::monitor::Monitor;
 use btf_capture::Capture;
-use btf_runtime::{Asset, Resident, Spectrum};
+use btf_runtime::{Asset, Channels, Resident, Spectrum};
 
 /// Returns the bands of `asset` that `capture` has, too: those of both if they are the same.
 fn common_bands<'a>(capture: &Capture, asset: &'a Asset) -> Option<&'a Spectrum> {
@@ -53,7 +53,7 @@ fn measure_bands(
         let count = (bands - first).min(3);
         // Weights of the capture's bands, and of the channels that tell them.
         let mut of_bands = vec![[0.0; 3]; bands];
-        let mut shown = [[0.0; 3]; 3];
+        let mut shown = [Channels::default(); 3];
         for i in 0..count {
             of_bands[first + i][i] = 1.0;
             shown[i] = spectrum.weights[first + i];
@@ -84,7 +84,7 @@ fn measured(
     capture: &Capture,
     asset: &Asset,
     resident: &Resident,
-    shown: [[f32; 3]; 3],
+    shown: [Channels; 3],
     params: &MeasureParams,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {

@@ -1,5 +1,4 @@
-//! Captures in spectral bands: three channels that tell the bands, and the error in bands.
+//! Captures in spectral bands: the channels that tell the bands, and the error in bands.
 
 pub(crate) mod basis;
 pub(crate) mod measure;
-pub(crate) mod non_negative;

@@ -40,6 +40,7 @@ def fit(
     components: Optional[int] = None,
     error: Literal["auto", "gamma", "linear", "log"] = "auto",
     heights: bool = False,
+    colours: bool = False,
     priors: Optional[Sequence[Union[str, os.PathLike[str]]]] = None,
     gpu: str = "off",
     seed: int = 1,
@@ -53,6 +54,7 @@ def fit(
     output: file to write; without it `Asset.save` writes it.
     clusters, lobes, components: numbers of the model; None for what the goal gives.
     error: the error to make small. heights: whether to find the texels' heights. seed: of every random choice.
+    colours: whether a capture in spectral bands is fitted as colours under D65.
     priors: fitted assets by which pairs without an image are predicted; None for those that come with the program.
     gpu: "off", "auto" for an adapter that multiplies matrices quicker than the processor, or a part of an adapter's name.
     memory: most memory to use. threads: 0 for as many as there are processors.
@@ -84,6 +86,7 @@ class Capture:
     """Photographs of a flat material under several lights from several views: of arrays, or opened by `Capture.open`.
 
     images: (views, lights, rows, columns, 3), linear reflectance times the cosine of the light, rows from the top; copied.
+    wavelengths_nm: of bands in place of three channels, ascending.
     lights, views: unit vectors (n, 3) away from the surface, x along columns, y upwards.
     size_mm: physical width and height. Raises ValueError for shapes that do not fit and directions that are none.
     """
@@ -97,6 +100,7 @@ class Capture:
         size_mm: Optional[Tuple[float, float]] = None,
         side: Literal["front", "back", "transmission-back", "transmission-front"] = "front",
         name: str = "array",
+        wavelengths_nm: Optional[Sequence[float]] = None,
     ) -> None: ...
     @staticmethod
     def open(path: Union[str, os.PathLike[str]]) -> Capture:
@@ -115,6 +119,10 @@ class Capture:
         """View and light of each pair that has no image, in ascending order."""
 
     @property
+    def wavelengths_nm(self) -> NDArray[np.float64]:
+        """Wavelengths of the bands, ascending; empty for colours."""
+
+    @property
     def shape(self) -> Tuple[int, int]:
         """Rows and columns."""
 
@@ -128,6 +136,9 @@ class Capture:
 
     def image(self, view: int, light: int) -> NDArray[np.float32]:
         """Reads an image, (rows, columns, 3), linear, rows from the top. Raises IndexError and ValueError."""
+
+    def image_bands(self, view: int, light: int) -> NDArray[np.float32]:
+        """Reads all bands of an image, (rows, columns, bands). Raises IndexError and ValueError."""
 
 @final
 class Asset:
@@ -156,6 +167,31 @@ class Asset:
         level: int = 0,
     ) -> NDArray[np.float32]:
         """Returns pi x BRDF x |cosine of wi|, linear RGB, at least 0: (..., 3)."""
+
+    @property
+    def wavelengths_nm(self) -> NDArray[np.float32]:
+        """Wavelengths of the bands, ascending; empty for an asset of colours."""
+
+    def eval_bands(
+        self,
+        uv: ArrayLike,
+        wi: ArrayLike,
+        wo: ArrayLike,
+        *,
+        components: Optional[int] = None,
+        lobes: Optional[int] = None,
+        interpolation: Literal["fast", "exact"] = "fast",
+        heights: Literal["none", "parallax", "relief"] = "relief",
+        level: int = 0,
+    ) -> NDArray[np.float32]:
+        """Returns the bands of an asset that has any, as `eval` does its colours: (..., bands)."""
+
+    def under(self, illuminant: str = "D65", observer: str = "1931") -> Asset:
+        """Returns this asset in bands as it is seen under another light or by another eye.
+
+        illuminant: "D65", "A", "E" or a table of wavelengths in nm and power; observer: "1931" or a table of wavelengths and
+        three sensitivities.
+        """
 
     def pdf(
         self,

@@ -3,7 +3,7 @@
 use crate::border::{Target, call, read, read_many};
 use crate::code::{Code, Fault};
 use crate::threads::spread;
-use btf_runtime::{Resident, ResidentBytes, SurfaceSide, read_version};
+use btf_runtime::{Resident, ResidentBytes, Spectrum, SurfaceSide, read_version};
 use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,6 +12,8 @@ use std::sync::Arc;
 /// all calls but btf_close.
 pub struct Handle {
     pub(crate) resident: Resident,
+    /// Bands of an asset that has any.
+    pub(crate) spectrum: Option<Spectrum>,
     info: Info,
     /// Material description with a zero behind the text.
     material: Vec<u8>,
@@ -120,7 +122,8 @@ impl Handle {
         };
         let mut material = file.material.into_bytes();
         material.push(0);
-        Ok(Handle { resident, info, material })
+        let spectrum = resident.spectrum();
+        Ok(Handle { resident, spectrum, info, material })
     }
 
     /// Returns the level, if the asset has it.
@@ -278,6 +281,63 @@ pub unsafe extern "C" fn btf_material(asset: *const Handle, text: *mut *const c_
                 Target::new(length, "length")?.set(asset.material.len() - 1);
             }
             text.set(asset.material.as_ptr().cast());
+        }
+        Ok(())
+    })
+}
+
+/// Returns the wavelengths of an asset's bands in nanometres, ascending.
+///
+/// `wavelengths_nm`: receives a pointer to them, which belongs to the asset and stays until btf_close; null for an asset of
+/// colours.
+/// `count`: receives their number; 0 for an asset of colours.
+/// Errors: BTF_POINTER.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_bands(asset: *const Handle, wavelengths_nm: *mut *const f32, count: *mut usize) -> Code {
+    call(|| {
+        // SAFETY: the caller gives an open handle and places for the answers.
+        unsafe {
+            let asset = read(asset, "asset")?;
+            let (wavelengths_nm, count) =
+                (Target::new(wavelengths_nm, "wavelengths_nm")?, Target::new(count, "count")?);
+            let nm = asset.spectrum.as_ref().map_or(&[][..], |spectrum| &spectrum.wavelengths_nm);
+            wavelengths_nm.set(if nm.is_empty() { std::ptr::null() } else { nm.as_ptr() });
+            count.set(nm.len());
+        }
+        Ok(())
+    })
+}
+
+/// Makes a second handle of an asset in bands whose values are other sums of them than linear sRGB under D65: colours under
+/// another light, what a camera sees, or three of the bands. The caller gives both to btf_close.
+///
+/// `weights`: 3 x `count` numbers, for each band of btf_bands the weights in the three values.
+/// `count`: number of bands; must be that of the asset.
+/// `shown`: receives the handle; null where the call fails.
+/// Errors: BTF_POINTER, BTF_ARGUMENT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_show_bands(
+    asset: *const Handle,
+    weights: *const f32,
+    count: usize,
+    shown: *mut *mut Handle,
+) -> Code {
+    call(|| {
+        // SAFETY: the caller gives an open handle, `count` times three numbers and a place for a pointer.
+        unsafe {
+            let shown = Target::new(shown, "shown")?;
+            shown.set(std::ptr::null_mut());
+            let asset = read(asset, "asset")?;
+            let bands = asset.spectrum.as_ref().map_or(0, |spectrum| spectrum.wavelengths_nm.len());
+            let Some(spectrum) = asset.spectrum.as_ref().filter(|_| count == bands) else {
+                let sentence = format!("weights are for {count} bands and the asset has {bands}; ask btf_bands");
+                return Err(Fault::new(Code::Argument, sentence));
+            };
+            let weights = read_many(weights.cast::<[f32; 3]>(), count, "weights")?;
+            let (mut resident, material) = (asset.resident.clone(), asset.material.clone());
+            resident.set_shown(spectrum.shown_through(weights));
+            let handle = Handle { spectrum: resident.spectrum(), resident, info: asset.info, material };
+            shown.set(Box::into_raw(Box::new(handle)));
         }
         Ok(())
     })

@@ -3,7 +3,9 @@
 use crate::asset::Handle;
 use crate::border::{Target, call, check_many, read, read_many};
 use crate::code::{Code, Fault};
-use btf_runtime::{DecodeOptions, HeightUse, Query, density as density_of, evaluate, evaluate_many, sample};
+use btf_runtime::{
+    DecodeOptions, HeightUse, Query, density as density_of, evaluate, evaluate_bands, evaluate_many, sample,
+};
 use std::mem::offset_of;
 
 /// Number of values that are computed before they are written to the caller's array.
@@ -173,6 +175,39 @@ pub unsafe extern "C" fn btf_evaluate(
             let place = read(place.cast::<Query>(), "place")?;
             let value = Target::new(value.cast::<[f32; 3]>(), "value")?;
             value.set(evaluate(&asset.resident, level, place, &options));
+        }
+        Ok(())
+    })
+}
+
+/// Evaluates the bands of one place of an asset that has any, as btf_evaluate does its colours, each at least 0.
+///
+/// `values`: receives a number for each wavelength of btf_bands.
+/// `count`: room in `values`; must be the number of bands.
+/// Errors: BTF_POINTER, BTF_ARGUMENT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn btf_evaluate_bands(
+    asset: *const Handle,
+    level: u32,
+    place: *const Place,
+    options: *const Options,
+    values: *mut f32,
+    count: usize,
+) -> Code {
+    call(|| {
+        // SAFETY: the caller gives an open handle, a place, options or null, and room for `count` numbers.
+        unsafe {
+            let (asset, level, options) = asked(asset, level, options)?;
+            let place = read(place.cast::<Query>(), "place")?;
+            let bands = asset.spectrum.as_ref().map_or(0, |spectrum| spectrum.wavelengths_nm.len());
+            let Some(spectrum) = asset.spectrum.as_ref().filter(|_| count == bands) else {
+                let sentence = format!("there is room for {count} bands and the asset has {bands}; ask btf_bands");
+                return Err(Fault::new(Code::Argument, sentence));
+            };
+            check_many(values, count, "values")?;
+            let mut told = vec![0.0; count];
+            evaluate_bands(&asset.resident, spectrum, level, place, &options, &mut told);
+            std::ptr::copy_nonoverlapping(told.as_ptr(), values, count);
         }
         Ok(())
     })

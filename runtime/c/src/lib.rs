@@ -26,12 +26,13 @@ mod threads;
 
 pub use asset::{
     BTF_BACK_LIT_BACK, BTF_BACK_LIT_FRONT, BTF_FRONT_LIT_BACK, BTF_FRONT_LIT_FRONT, Handle, Info, Levels, OpenOptions,
-    btf_close, btf_default_open_options, btf_material, btf_open_file, btf_open_memory, btf_query, btf_resident,
+    btf_bands, btf_close, btf_default_open_options, btf_material, btf_open_file, btf_open_memory, btf_query,
+    btf_resident, btf_show_bands,
 };
 pub use code::{Code, btf_error_text, btf_last_error};
 pub use evaluate::{
-    Drawn, Heights, Interpolation, Options, Place, btf_default_options, btf_density, btf_evaluate, btf_evaluate_many,
-    btf_sample,
+    Drawn, Heights, Interpolation, Options, Place, btf_default_options, btf_density, btf_evaluate, btf_evaluate_bands,
+    btf_evaluate_many, btf_sample,
 };
 #[cfg(target_arch = "wasm32")]
 pub use memory::{btf_allocate, btf_free};

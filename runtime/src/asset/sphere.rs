@@ -53,6 +53,12 @@ impl Sphere {
     /// Errors: no direction, more than 4096, one that is not unit or below the horizon, or two that
     /// coincide. Cost: a millisecond for the 81 directions of a Bonn capture.
     pub fn new(directions: &[[f32; 3]]) -> Result<Sphere, FormatError> {
+        Sphere::of_rounds(directions, 1)
+    }
+
+    /// Triangulates directions like [`Sphere::new`] that are the same ones `rounds` times over, one round after the other:
+    /// triangles and edges name those of the first round alone.
+    pub fn of_rounds(directions: &[[f32; 3]], rounds: usize) -> Result<Sphere, FormatError> {
         let refuse = |reason: String| FormatError::Pack { reason };
         let n = directions.len();
         if n == 0 || n > MAX_DIRECTIONS {
@@ -64,9 +70,30 @@ impl Sphere {
                 return Err(refuse(format!("direction {i} ({d:?}) is not a unit vector above the horizon")));
             }
         }
+        let count = n / rounds.max(1);
+        if count == 0 || n != count * rounds || (count..n).any(|i| directions[i] != directions[i % count]) {
+            return Err(refuse(format!("its directions are not {rounds} times the same")));
+        }
         let disk: Vec<[f64; 2]> = directions.iter().map(|d| [d[0].into(), d[1].into()]).collect();
-        let (triangles, edges) = triangulate(&disk).map_err(refuse)?;
+        let (triangles, edges) = triangulate(&disk[..count]).map_err(refuse)?;
         Ok(Sphere::from_parts(directions, &triangles, &edges))
+    }
+
+    /// Returns the number of directions before they come again: all of a set that does not repeat.
+    pub fn distinct(&self) -> usize {
+        round_of(&(0..self.len()).map(|id| self.direction(id as u32)).collect::<Vec<_>>())
+    }
+
+    /// Returns whether the set is `rounds` times the same directions, of which triangles and edges name the first round.
+    pub(crate) fn repeats(&self, rounds: usize) -> bool {
+        let count = self.len() / rounds;
+        let below = |id: &u32| (*id as usize) < count;
+        let triangles = (0..self.words[1] as usize).map(|i| self.triangles_at() + i * TRIANGLE_WORDS + 6);
+        let edges = (0..self.words[2] as usize).map(|i| self.edges_at() + i * EDGE_WORDS + 5);
+        self.len() == count * rounds
+            && (count..self.len()).all(|i| self.direction(i as u32) == self.direction((i % count) as u32))
+            && triangles.map(|at| &self.words[at..at + 3]).flatten().all(below)
+            && edges.map(|at| &self.words[at..at + 2]).flatten().all(below)
     }
 
     /// Lays out the words of a set whose triangles and edges are known. It uses sums, products, quotients and square
@@ -400,6 +427,13 @@ pub(crate) fn within_hull(words: &[u32], at: usize, d: [f32; 3], place: &Neighbo
     [x, y, (1.0 - x * x - y * y).max(1e-6).sqrt()]
 }
 
+/// Returns after how many directions the first comes again, and all others with it; all of them where it does not.
+fn round_of(directions: &[[f32; 3]]) -> usize {
+    let round = directions.iter().skip(1).position(|d| *d == directions[0]).map_or(directions.len(), |at| at + 1);
+    let repeats = directions.iter().enumerate().all(|(i, d)| *d == directions[i % round]);
+    if repeats && directions.len().is_multiple_of(round) { round } else { directions.len() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -415,6 +449,24 @@ mod tests {
     fn unit(theta_deg: f64, phi_deg: f64) -> [f32; 3] {
         let (t, p) = (theta_deg.to_radians(), phi_deg.to_radians());
         [(t.sin() * p.cos()) as f32, (t.sin() * p.sin()) as f32, t.cos() as f32]
+    }
+
+    #[test]
+    fn directions_that_come_again_are_named_once() {
+        let once = crate::testing::ring_directions(&[(30.0, 6), (60.0, 12)]);
+        let thrice = [once.clone(), once.clone(), once.clone()].concat();
+        let (one, three) = (Sphere::new(&once).unwrap(), Sphere::of_rounds(&thrice, 3).unwrap());
+        assert_eq!((three.len(), three.distinct()), (3 * once.len(), once.len()));
+        assert!(three.repeats(3) && one.repeats(1) && !three.repeats(2) && !one.repeats(2));
+        let back = Sphere::from_file_words(&three.to_file_words()).unwrap();
+        assert!(back == three && back.repeats(3));
+        for wi in [[0.1, 0.2, 0.97], [0.9, 0.1, 0.42], [0.0, 0.0, 1.0]] {
+            assert_eq!(one.locate(wi), three.locate(wi));
+        }
+        // Planted difference: one direction of the second round is another.
+        let mut other = thrice;
+        other[25] = [0.6, 0.0, 0.8];
+        assert!(Sphere::of_rounds(&other, 3).is_err() && Sphere::new(&once.repeat(2)).is_err());
     }
 
     #[test]

@@ -8,7 +8,6 @@ use crate::asset::spectrum::Spectrum;
 use crate::decode::lobe_queue::LobeQueue;
 use crate::decode::options::DecodeOptions;
 use crate::decode::part_queue::PartQueue;
-use crate::decode::shown::shown;
 use crate::decode::texel::Texel;
 use crate::decode::viewed_texel::ViewedTexel;
 use crate::resident::resident::Resident;
@@ -91,6 +90,10 @@ pub fn evaluate_many(
     options: &DecodeOptions,
     values: &mut [[f32; 3]],
 ) {
+    if resident.is_spectral() {
+        let values = values[..queries.len()].iter_mut();
+        return values.zip(queries).for_each(|(value, query)| *value = evaluate(resident, level, query, options));
+    }
     let (mut lobes, mut parts) = (LobeQueue::new(), PartQueue::default());
     let (mut places, mut texels, mut ahead) = (Vec::new(), Vec::new(), Vec::new());
     for (queries, values) in queries.chunks(BATCH).zip(values[..queries.len()].chunks_mut(BATCH)) {
@@ -123,9 +126,6 @@ pub fn evaluate_many(
             }
         }
         parts.finish(values);
-        if resident.is_spectral() {
-            values.iter_mut().for_each(|value| *value = shown(resident.words(), *value));
-        }
     }
 }
 
@@ -220,8 +220,11 @@ mod tests {
     use super::*;
     use crate::asset::asset::Asset;
     use crate::asset::residual::ResidualKind;
+    use crate::asset::spectrum::weighted_channels;
     use crate::decode::decode::decode;
+    use crate::decode::viewed_texel::LightRows;
     use crate::testing::{Random, direction_from_degrees, sample_asset};
+    use crate::testing::{sample_grouped_spectrum, sample_spectral_asset};
 
     /// Returns an asset with reflection and transmission for an eye in front.
     fn two_sided() -> Resident {
@@ -265,38 +268,48 @@ mod tests {
 
     #[test]
     fn bands_colours_and_many_at_once_are_sums_of_the_same_channels() {
-        let asset = crate::testing::sample_spectral_asset(6, 6, 5);
-        let resident = Resident::from_asset(&asset);
-        let (spectrum, mut random) = (resident.spectrum().unwrap(), Random::new(9));
-        assert_eq!(Some(&spectrum), asset.spectrum.as_ref());
-        // The asset's own channels, which colours hold as they are.
-        let channels = Resident::from_asset(&Asset { spectrum: None, ..asset });
-        assert!(!channels.is_spectral() && channels.spectrum().is_none());
-        let options = DecodeOptions::default();
-        let query = |random: &mut Random| {
-            let (wi, wo) = (random.direction(), random.direction());
-            Query { uv: [random.within(0.0, 1.0), random.within(0.0, 1.0)], wi, wo }
-        };
-        let queries: Vec<Query> = (0..300).map(|_| query(&mut random)).collect();
-        let mut many = vec![[0.0; 3]; queries.len()];
-        evaluate_many(&resident, 0, &queries, &options, &mut many);
-        let mut cut = 0;
-        for (query, of_many) in queries.iter().zip(many) {
-            let x = evaluate(&channels, 0, query, &options);
-            let sum = |weights: &[f32; 3]| (weights[0] * x[0] + weights[1] * x[1] + weights[2] * x[2]).max(0.0);
-            let value = evaluate(&resident, 0, query, &options);
-            assert_eq!((value, of_many), (spectrum.shown.each_ref().map(sum), value));
-            let mut bands = [0.0; 5];
-            evaluate_bands(&resident, &spectrum, 0, query, &options, &mut bands);
-            assert!(bands.iter().zip(&spectrum.weights).all(|(band, weights)| *band == sum(weights)));
-            cut += usize::from(value[0] == 0.0 && x[1] > 0.0);
+        for asset in [sample_spectral_asset(6, 6, 5), sample_grouped_spectrum(6, 6, 5)] {
+            let resident = Resident::from_asset(&asset);
+            let (spectrum, mut random) = (resident.spectrum().unwrap(), Random::new(9));
+            assert_eq!(Some(&spectrum), asset.spectrum.as_ref());
+            // The first group's channels, which colours hold as they are.
+            let plain = Resident::from_asset(&Asset { spectrum: None, ..asset });
+            assert!(!plain.is_spectral() && plain.spectrum().is_none());
+            let options = DecodeOptions::default();
+            let query = |random: &mut Random| {
+                let (wi, wo) = (random.direction(), random.direction());
+                Query { uv: [random.within(0.0, 1.0), random.within(0.0, 1.0)], wi, wo }
+            };
+            let queries: Vec<Query> = (0..300).map(|_| query(&mut random)).collect();
+            let mut many = vec![[0.0; 3]; queries.len()];
+            evaluate_many(&resident, 0, &queries, &options, &mut many);
+            let mut differs = 0;
+            for (query, of_many) in queries.iter().zip(many) {
+                let (layer, texel) = place(&resident, 0, query).unwrap();
+                let viewed = ViewedTexel::new(&resident, layer, texel, query.wo, &options);
+                let channels = viewed.channels_alone(query.wi).unwrap();
+                assert_eq!(channels[..3], evaluate(&plain, 0, query, &options));
+                let value = evaluate(&resident, 0, query, &options);
+                for (value, weights) in value.iter().zip(&spectrum.shown) {
+                    assert!((value - weighted_channels(weights, &channels)).abs() < 1e-5, "{query:?}");
+                }
+                let mut rows = LightRows::default();
+                let kept = viewed.light(&mut rows, query.wi);
+                assert!((0..3).all(|c| (kept[c] - value[c]).abs() < 1e-5), "{kept:?} {value:?}");
+                assert_eq!(of_many, value);
+                let mut bands = vec![0.0; spectrum.weights.len()];
+                evaluate_bands(&resident, &spectrum, 0, query, &options, &mut bands);
+                assert!(bands.iter().copied().eq(spectrum.bands(channels)));
+                differs += usize::from(channels[3..6] != channels[..3]);
+            }
+            assert!(differs > 250, "{differs}");
+            // Three of the bands, and nothing that is no number.
+            let mut three = resident.clone();
+            let row = |at: usize, x: f32| std::array::from_fn(|i| if i == at { x } else { 0.0 });
+            three.set_shown([row(1, 0.5), row(0, f32::NAN), row(0, f32::INFINITY)]);
+            let (first, x) = (evaluate(&three, 0, &queries[0], &options), evaluate(&plain, 0, &queries[0], &options));
+            assert_eq!(first, [0.5 * x[1], 0.0, 1000.0 * x[0]]);
         }
-        assert!(cut > 10, "{cut}");
-        // Three of the bands, and nothing that is no number.
-        let mut three = resident.clone();
-        three.set_shown([spectrum.weights[4], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0]]);
-        let (first, rest) = (evaluate(&three, 0, &queries[0], &options), evaluate(&channels, 0, &queries[0], &options));
-        assert_eq!(first, [0.5 * rest[1], 0.0, 1000.0 * rest[0]]);
     }
 
     #[test]

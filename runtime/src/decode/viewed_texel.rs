@@ -10,13 +10,14 @@ use crate::asset::edit::EDIT_WORDS;
 use crate::asset::height_field::HeightField;
 use crate::asset::lobe::{LobeSetup, ResidentLobe};
 use crate::asset::residual::ResidualKind;
+use crate::asset::spectrum::Channels;
 use crate::asset::sphere::{Neighbours, direction, locate, within_hull};
 use crate::decode::options::{DecodeOptions, HeightUse, Interpolation, RATIO_EPSILON, RATIO_RANGE};
 use crate::decode::packed_sum::{MAX_PAIRS, packed_sum};
 use crate::decode::parallax::SeenBy;
 use crate::decode::relief::{OwnLight, ReliefTerms, SeenRelief};
 use crate::decode::residual_sum::{Bases, BasisWeights, FEW_BLOCKS, MAX_BLOCKS, fit_blocks, residual_sum};
-use crate::decode::shown::shown;
+use crate::decode::shown::{all_channels, groups, shown};
 use crate::decode::texel::Texel;
 use crate::numeric::in_vectors::in_vectors;
 use crate::resident::layout::block;
@@ -312,19 +313,29 @@ impl<'a> ViewedTexel<'a> {
     ///
     /// Cost: a search among the measured lights, the lobes, and up to three rows of residual.
     pub fn light(&self, rows: &mut LightRows, wi: [f32; 3]) -> [f32; 3] {
-        let mut channels = |lit: Lit| self.value(Some(rows), &lit, &mut self.lobes(lit.toward));
-        self.lit(wi).map_or([0.0; 3], |lit| shown(self.t.words, channels(lit)))
+        let Some(lit) = self.lit(wi) else { return [0.0; 3] };
+        shown(self.t.words, |group| self.value(Some(rows), &self.of_group(&lit, group), &mut self.lobes(lit.toward)))
     }
 
     /// Returns the value of [`ViewedTexel::light`] for a light that shares its rows with no other.
     pub fn light_alone(&self, wi: [f32; 3]) -> [f32; 3] {
-        self.channels_alone(wi).map_or([0.0; 3], |channels| shown(self.t.words, channels))
+        let Some(lit) = self.lit(wi) else { return [0.0; 3] };
+        shown(self.t.words, |group| self.value(None, &self.of_group(&lit, group), &mut self.lobes(lit.toward)))
     }
 
-    /// Returns the values of the channels where [`ViewedTexel::light_alone`] gives what follows from them; `None` where
+    /// Returns the values of all channels where [`ViewedTexel::light_alone`] gives what follows from them; `None` where
     /// that is black.
-    pub fn channels_alone(&self, wi: [f32; 3]) -> Option<[f32; 3]> {
-        self.lit(wi).map(|lit| self.value(None, &lit, &mut self.lobes(lit.toward)))
+    pub fn channels_alone(&self, wi: [f32; 3]) -> Option<Channels> {
+        let lit = self.lit(wi)?;
+        let value = |group| self.value(None, &self.of_group(&lit, group), &mut self.lobes(lit.toward));
+        Some(all_channels(groups(self.t.words), value))
+    }
+
+    /// Returns `lit` with the measured lights of a group of channels.
+    fn of_group(&self, lit: &Lit, group: usize) -> Lit {
+        let first = group * (self.t.field(block::LIGHT_COUNT) / groups(self.t.words));
+        let place = lit.place.map(|place| Neighbours { ids: place.ids.map(|id| id + first as u32), ..place });
+        Lit { place, ..*lit }
     }
 
     /// Returns a function that evaluates one lobe for the light at `wi`.

@@ -208,23 +208,51 @@ fn viewed_residual(viewed: ViewedTexel, lights: vec3<u32>, wanted: vec3<bool>, s
 // eye are on another side than the layer's. `rows` must be those of this viewed texel.
 fn viewed_light(viewed: ViewedTexel, rows: ptr<function, LightRows>, wi: vec3<f32>) -> vec3<f32> {
     let lit = viewed_lit(viewed, wi);
-    var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
-    if lit.is_lit && viewed.t.bases > 0u {
-        found = viewed_found_rows(viewed, rows, lit.light);
+    let groups = shown_groups(viewed.t.base);
+    var sum = vec3<f32>(0.0);
+    for (var group = 0u; group < groups; group++) {
+        let weights = shown_weights(viewed.t.base, group);
+        if !lit.is_lit || !shown_asks(weights) {
+            continue;
+        }
+        let of_group = viewed_of_group(viewed, lit, group, groups);
+        var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
+        if viewed.t.bases > 0u {
+            found = viewed_found_rows(viewed, rows, of_group.light);
+        }
+        sum += weights * min(viewed_value(viewed, of_group, found), vec3<f32>(MAX_CHANNEL));
     }
-    return viewed_value(viewed, lit, found);
+    return max(sum, vec3<f32>(0.0));
 }
 
 // Returns the value of viewed_light for a light that shares its rows with no other. Kept rows take 1152 bytes of each
 // thread.
 fn viewed_light_alone(viewed: ViewedTexel, wi: vec3<f32>) -> vec3<f32> {
     let lit = viewed_lit(viewed, wi);
-    var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
-    if lit.is_lit && viewed.t.bases > 0u {
-        // All three, without a choice: seldom is the share of one 0.
-        found = viewed_rows(viewed, lit.light.ids, vec3<bool>(true), asset_f32(viewed.t.layer + BLOCK_EPSILON));
+    let groups = shown_groups(viewed.t.base);
+    var sum = vec3<f32>(0.0);
+    for (var group = 0u; group < groups; group++) {
+        let weights = shown_weights(viewed.t.base, group);
+        if !lit.is_lit || !shown_asks(weights) {
+            continue;
+        }
+        let of_group = viewed_of_group(viewed, lit, group, groups);
+        var found = ThreeRows(mat3x3<f32>(), mat3x3<f32>());
+        if viewed.t.bases > 0u {
+            // All three, without a choice: seldom is the share of one 0.
+            let ids = of_group.light.ids;
+            found = viewed_rows(viewed, ids, vec3<bool>(true), asset_f32(viewed.t.layer + BLOCK_EPSILON));
+        }
+        sum += weights * min(viewed_value(viewed, of_group, found), vec3<f32>(MAX_CHANNEL));
     }
-    return viewed_value(viewed, lit, found);
+    return max(sum, vec3<f32>(0.0));
+}
+
+// Returns `lit` with the measured lights of a group of channels.
+fn viewed_of_group(viewed: ViewedTexel, lit: Lit, group: u32, groups: u32) -> Lit {
+    var of_group = lit;
+    of_group.light.ids += vec3<u32>(group * (asset_word(viewed.t.layer + BLOCK_LIGHT_COUNT) / groups));
+    return of_group;
 }
 
 // Prepares the light at `wi`.
@@ -274,7 +302,7 @@ fn viewed_value(viewed: ViewedTexel, lit: Lit, found: ThreeRows) -> vec3<f32> {
     if t.edit > 0u {
         value = viewed_edited(viewed, value, lobes[0], lobes[1]);
     }
-    return shown_value(t.base, value * lit.fall);
+    return value * lit.fall;
 }
 
 // Applies the texel's edit to a measured value, given the measured lobe sum `here` and the edited one; the equation is

@@ -69,6 +69,10 @@ pub fn packed_len(asset: &Asset, group_bytes: &[Vec<usize>]) -> Result<usize, Fo
 /// Checks everything but what depends on streams.
 fn check(asset: &Asset) -> Result<(), FormatError> {
     check_head(asset)?;
+    let groups = asset.spectrum.as_ref().map_or(1, |spectrum| spectrum.groups);
+    if !asset.layers.iter().all(|layer| layer.lights.repeats(groups)) {
+        return refuse("its lights must be there once for each group of channels");
+    }
     asset.layers.iter().try_for_each(|layer| check_layer(layer, asset.texel_count()))
 }
 

@@ -88,6 +88,10 @@ pub(crate) fn examine_asset(
         }
         false => Some(None),
     };
+    let groups = spectrum.as_ref().and_then(Option::as_ref).map_or(1, |spectrum| spectrum.groups);
+    if layers.iter().flatten().any(|layer| !layer.lights.repeats(groups)) {
+        faults.push(FormatError::Section { section: "Spectrum 0 of layer 0".into(), reason: rule::LIGHT_GROUPS });
+    }
     let levels = read_levels(&sections, &layers, [width, height], threads, faults);
     let (material, edits, spectrum) = (material?, edits?, spectrum?);
     let layers = layers.into_iter().collect::<Option<Vec<_>>>()?;

@@ -70,6 +70,18 @@ pub(crate) fn check_resident(words: &[u32], head: [u32; 3], threads: Threads) ->
         let block = Some([level as u32, of_level as u32]);
         broken.extend(rules.into_iter().map(|rule| BrokenWords { rule, block, word: ASSET_LAYERS + number }));
     }
+    let groups = if words[SPECTRUM] == 0 { 1 } else { words[words[SPECTRUM] as usize + 1] as usize };
+    let checked = if groups > 1 && broken.is_empty() { levels * layers } else { 0 };
+    for number in 0..checked {
+        let repeats = Block::at(words, words[ASSET_LAYERS + number])
+            .and_then(|block| block.sphere_words(block::LIGHTS))
+            .and_then(|words| Sphere::from_words(words.to_vec()))
+            .is_ok_and(|lights| lights.repeats(groups));
+        if !repeats {
+            let block = Some([(number / layers) as u32, (number % layers) as u32]);
+            broken.push(BrokenWords { rule: rule::LIGHT_GROUPS, block, word: ASSET_LAYERS + number });
+        }
+    }
     broken
 }
 
@@ -268,14 +280,19 @@ impl<'a> Block<'a> {
 
     /// Checks a direction set and returns its number of directions.
     fn sphere(&self, field: usize) -> Result<usize, Rule> {
-        let first = self.field(field);
-        let length = part(self.words, first, 5).and_then(Sphere::words_told_by).ok_or(rule::SET_BEYOND)?;
-        let sphere = Sphere::from_words(self.part(field, length)?.to_vec())?;
+        let sphere = Sphere::from_words(self.sphere_words(field)?.to_vec())?;
         let [triangles, side] = [1, 3].map(|word| sphere.words()[word] as usize);
         if side != cells_a_side(triangles) {
             return Err(rule::GRID_CELLS);
         }
         Ok(sphere.len())
+    }
+
+    /// Returns the words of the direction set whose offset stands in `field`.
+    fn sphere_words(&self, field: usize) -> Result<&'a [u32], Rule> {
+        let first = self.field(field);
+        let length = part(self.words, first, 5).and_then(Sphere::words_told_by).ok_or(rule::SET_BEYOND)?;
+        self.part(field, length)
     }
 
     /// Checks the dictionaries of the table at word `table`, and returns the number of lobes of each.

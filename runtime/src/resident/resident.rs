@@ -4,7 +4,7 @@
 
 use crate::asset::asset::SurfaceSide;
 use crate::asset::relief::Relief;
-use crate::asset::spectrum::{MAX_BAND_WEIGHT, SPECTRUM_HEAD, Spectrum};
+use crate::asset::spectrum::{Channels, MAX_BAND_WEIGHT, SPECTRUM_HEAD, Spectrum};
 use crate::asset::sphere::direction;
 use crate::resident::layout::{ASSET_LAYERS, LAYER_BLOCK_WORDS, SPECTRUM, block, level_size};
 use crate::resident::packed_table::PackedTable;
@@ -110,14 +110,15 @@ impl Resident {
 
     /// Replaces [`Spectrum::shown`], what decoders give; each number is clamped to [`MAX_BAND_WEIGHT`]. An asset of colours
     /// stays as it is. Returns the range of words that changed.
-    pub fn set_shown(&mut self, shown: [[f32; 3]; 3]) -> Range<usize> {
+    pub fn set_shown(&mut self, shown: [Channels; 3]) -> Range<usize> {
         let at = self.words()[SPECTRUM] as usize;
         if at == 0 {
             return 0..0;
         }
-        let range = at + 1..at + SPECTRUM_HEAD;
+        let used = 3 * self.words()[at + 1] as usize;
+        let range = at + SPECTRUM_HEAD..at + SPECTRUM_HEAD + 3 * used;
         let held = |x: &f32| x.clamp(-MAX_BAND_WEIGHT, MAX_BAND_WEIGHT);
-        let numbers = shown.as_flattened().iter().map(|x| if x.is_nan() { 0.0 } else { held(x) });
+        let numbers = shown.iter().flat_map(|row| &row[..used]).map(|x| if x.is_nan() { 0.0 } else { held(x) });
         self.own_words()[range.clone()].iter_mut().zip(numbers).for_each(|(word, x)| *word = x.to_bits());
         range
     }

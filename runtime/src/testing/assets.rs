@@ -8,7 +8,7 @@ use crate::asset::lobe::{Lobe, LobeFamily};
 use crate::asset::lobe_weights::LobeWeights;
 use crate::asset::relief::Relief;
 use crate::asset::residual::{Basis, Coefficients, Factors, PredictedGroup, Residual, ResidualKind, SharedBases};
-use crate::asset::spectrum::Spectrum;
+use crate::asset::spectrum::{Channels, Spectrum};
 use crate::asset::sphere::Sphere;
 use crate::testing::random::{Random, direction_from_cos, ring_directions};
 use half::f16;
@@ -113,14 +113,51 @@ pub fn sample_predicted_asset(seed: u64, width: usize, height: usize, kind: Resi
     asset
 }
 
+/// Returns the weights of the first group's channels as those of all.
+fn three(weights: [f32; 3]) -> Channels {
+    std::array::from_fn(|i| weights.get(i).copied().unwrap_or(0.0))
+}
+
 /// Returns an asset like [`sample_asset`] of five bands, whose shown values mix the channels and are cut at 0 at times.
 pub fn sample_spectral_asset(seed: u64, width: usize, height: usize) -> Asset {
     let spectrum = Spectrum {
         wavelengths_nm: vec![450.0, 550.0, 650.0, 750.0, 950.5],
-        weights: vec![[0.0, 0.1, 0.9], [0.1, 0.9, 0.1], [0.8, 0.1, -0.3], [1.5, 0.0, 0.0], [0.0, 0.5, 0.0]],
-        shown: [[1.2, -0.6, 0.0], [-0.1, 0.9, 0.2], [0.0, 0.3, 0.7]],
+        groups: 1,
+        weights: [[0.0, 0.1, 0.9], [0.1, 0.9, 0.1], [0.8, 0.1, -0.3], [1.5, 0.0, 0.0], [0.0, 0.5, 0.0]]
+            .map(three)
+            .to_vec(),
+        shown: [[1.2, -0.6, 0.0], [-0.1, 0.9, 0.2], [0.0, 0.3, 0.7]].map(three),
     };
     Asset { spectrum: Some(spectrum), ..sample_asset(seed, width, height, ResidualKind::Root) }
+}
+
+/// Returns an asset of two groups of channels: the lights of [`sample_asset`] twice, and bands of both.
+pub fn sample_grouped_spectrum(seed: u64, width: usize, height: usize) -> Asset {
+    let row = |weights: [f32; 6]| std::array::from_fn(|i| weights.get(i).copied().unwrap_or(0.0));
+    let spectrum = Spectrum {
+        wavelengths_nm: vec![450.0, 550.0, 650.0, 850.0],
+        groups: 2,
+        weights: vec![
+            row([0.0, 0.1, 0.9, 0.0, 0.0, 0.0]),
+            row([0.1, 0.9, 0.1, 0.0, 0.2, 0.0]),
+            row([0.8, 0.1, 0.0, 0.0, 0.0, -0.3]),
+            row([0.0, 0.0, 0.0, 1.5, 0.2, 0.0]),
+        ],
+        shown: [
+            row([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            row([0.0, 0.8, 0.0, 0.0, 0.3, 0.0]),
+            row([0.0, 0.0, 0.7, 0.4, -0.2, 0.0]),
+        ],
+    };
+    let mut random = Random::new(seed);
+    let mut asset = sample_asset(seed, width, height, ResidualKind::Root);
+    let texels = asset.texel_count();
+    let layer = &mut asset.layers[0];
+    let once: Vec<[f32; 3]> = (0..layer.lights.len()).map(|id| layer.lights.direction(id as u32)).collect();
+    layer.lights = Sphere::of_rounds(&once.repeat(2), 2).unwrap_or_else(|error| unreachable!("{error}"));
+    let shape = [layer.views.len(), layer.lights.len()];
+    layer.residual = Some(sample_residual(&mut random, shape, texels, ResidualKind::Root));
+    Asset { spectrum: Some(spectrum), ..asset }
 }
 
 /// Returns an asset like [`sample_predicted_asset`] whose coefficients are smooth over the texels and are predicted in two

@@ -12,8 +12,8 @@ pub use crate::asset::residual::core_at_pair;
 pub use crate::leaf::figures::{BAND_SHARES, THREE_ROWS};
 pub use crate::leaf::theta::{rational_theta, three_piece_theta};
 pub use assets::{
-    first_ref, huge_asset, random_lobe, sample_asset, sample_grouped_asset, sample_heights, sample_predicted_asset,
-    sample_relief_asset, sample_spectral_asset,
+    first_ref, huge_asset, random_lobe, sample_asset, sample_grouped_asset, sample_grouped_spectrum, sample_heights,
+    sample_predicted_asset, sample_relief_asset, sample_spectral_asset,
 };
 pub use dense_asset::dense_asset;
 pub use file_parts::{FileParts, SectionPart, repair_header_checksum};

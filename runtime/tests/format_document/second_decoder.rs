@@ -6,7 +6,8 @@ use super::second_reader::{
 };
 use super::{document_bytes, named};
 use btf_runtime::testing::{
-    Random, sample_asset, sample_heights, sample_predicted_asset, sample_relief_asset, sample_spectral_asset,
+    Random, sample_asset, sample_grouped_spectrum, sample_heights, sample_predicted_asset, sample_relief_asset,
+    sample_spectral_asset,
 };
 use btf_runtime::{
     Asset, DecodeOptions, Interpolation, Layer, LobeRole, PackedGoal, Relief, Resident, ResidentFile, ResidualKind,
@@ -255,24 +256,27 @@ fn the_documents_decoded_values_are_what_the_second_reader_decodes() {
 
 #[test]
 fn a_spectrum_decodes_to_the_values_of_a_decoder_written_from_the_document() {
-    let asset = with_levels(&sample_spectral_asset(5, 8, 6), &serial);
-    let queries = random_queries(&asset, 200, &mut Random::new(5));
-    let lines: String = queries.iter().map(|query| query.line() + "\n").collect();
-    for (name, bytes, share) in [("file", pack(&asset).unwrap(), 2e-3), ("resident", resident_bytes(&asset), 1e-5)] {
-        let read = read_by_the_document(&format!("spectrum-{name}"), &bytes, &[], &lines);
-        let others = |asset: &Asset| {
-            let resident = Resident::from_asset(asset);
-            let far = |(i, query): &(usize, &Query)| {
-                let (own, value) = (parsed(&read[&format!("value {i}")]), query.value(&resident));
-                (0..3).any(|c| (own[c] - f64::from(value[c])).abs() > share * own[c].abs().max(1.0))
+    for (at, asset) in [sample_spectral_asset(5, 8, 6), sample_grouped_spectrum(5, 8, 6)].iter().enumerate() {
+        let asset = with_levels(asset, &serial);
+        let queries = random_queries(&asset, 200, &mut Random::new(5));
+        let lines: String = queries.iter().map(|query| query.line() + "\n").collect();
+        for (name, bytes, share) in [("file", pack(&asset).unwrap(), 2e-3), ("resident", resident_bytes(&asset), 1e-5)]
+        {
+            let read = read_by_the_document(&format!("spectrum-{at}-{name}"), &bytes, &[], &lines);
+            let others = |asset: &Asset| {
+                let resident = Resident::from_asset(asset);
+                let far = |(i, query): &(usize, &Query)| {
+                    let (own, value) = (parsed(&read[&format!("value {i}")]), query.value(&resident));
+                    (0..3).any(|c| (own[c] - f64::from(value[c])).abs() > share * own[c].abs().max(1.0))
+                };
+                queries.iter().enumerate().filter(far).count()
             };
-            queries.iter().enumerate().filter(far).count()
-        };
-        assert_eq!(others(&asset), 0, "{name}");
-        // Planted differences: another weight, and colours.
-        let mut other = asset.clone();
-        other.spectrum.iter_mut().for_each(|spectrum| spectrum.shown[1][2] = 0.3);
-        assert!(others(&other) > 50 && others(&Asset { spectrum: None, ..asset.clone() }) > 100, "{name}");
+            assert_eq!(others(&asset), 0, "{name}");
+            // Planted differences: another weight, and colours.
+            let mut other = asset.clone();
+            other.spectrum.iter_mut().for_each(|spectrum| spectrum.shown[1][2] += 0.3);
+            assert!(others(&other) > 50 && others(&Asset { spectrum: None, ..asset.clone() }) > 100, "{name}");
+        }
     }
 }
 

@@ -45,6 +45,7 @@ fn decoder() -> [Constants; 3] {
         ("INTERPOLATION_FAST", Interpolation::Fast as usize),
         ("INTERPOLATION_EXACT", Interpolation::Exact as usize),
         ("ASSET_SPECTRUM", SPECTRUM),
+        ("SPECTRUM_HEAD", SPECTRUM_HEAD),
         ("ASSET_LAYERS", ASSET_LAYERS),
         ("LIGHT_ROWS", LIGHT_ROWS),
         ("BLOCK_LIGHT_SIDE", block::LIGHT_SIDE),

@@ -120,14 +120,24 @@ class Header(Container):
         self.material = str(self.section(MATERIAL, 0).data, "utf-8")
 
 
-def spectrum(count, numbers):
-    """`shown` of a spectrum of so many bands; `numbers(n)` takes the next n numbers."""
-    must(1 <= count <= 256, "the number of bands is out of its range")
-    shown, wavelengths, weights = numbers(9), numbers(count), numbers(3 * count)
+def spectrum(count, groups, numbers):
+    """`shown` of a spectrum of so many bands and groups; `numbers(n)` takes the next n numbers."""
+    must(1 <= count <= 256 and 1 <= groups <= 4, "the number of bands or of groups is out of its range")
+    channels = 3 * groups
+    shown, wavelengths, weights = numbers(3 * channels), numbers(count), numbers(channels * count)
     must(all(100 <= nm <= 20000 for nm in wavelengths), "a wavelength is out of its range")
     must(all(a < b for a, b in zip(wavelengths, wavelengths[1:])), "wavelengths do not rise")
     must(all(abs(weight) <= 1000 for weight in (*shown, *weights)), "a weight of a band is out of its range")
-    return [shown[3 * i : 3 * i + 3] for i in range(3)]
+    return [shown[channels * i : channels * (i + 1)] for i in range(3)]
+
+
+def must_repeat(lights, groups):
+    """The directions of lights are there once for each group, of which the first are named."""
+    count = len(lights.directions) // groups
+    must(count * groups == len(lights.directions), "the lights are no whole number of rounds")
+    must(all(d == lights.directions[i % count] for i, d in enumerate(lights.directions)), "the rounds of lights differ")
+    named = [i for ids in (*lights.triangles, *lights.edges) for i in ids]
+    must(all(i < count for i in named), "a light of a later round is named")
 
 
 def sides_of_levels(width, height):

@@ -550,10 +550,20 @@ def at_hull(sphere, own, d, beyond):
     return x, y, math.sqrt(max(1e-6, 1 - x * x - y * y))
 
 
-def decode(levels, layer, level, texel, wi, wo, rule):
+def decode(levels, number, level, texel, wi, wo, rule):
     """The value, three numbers, of a texel of a level (0 the finest) by the rule "fast" or "exact"; `levels` holds the
     layers of each level."""
-    layer = levels[level][layer]
+    layer = levels[level][number]
+    if not layer.shown:
+        return decode_group(layer, 0, texel, wi, wo, rule)
+    # 11. Spectrum
+    groups, count = len(layer.shown[0]) // 3, len(layer.lights.directions)
+    values = [x for g in range(groups) for x in decode_group(layer, g * count // groups, texel, wi, wo, rule)]
+    return [max(0, sum(w * min(x, 1e30) for w, x in zip(row, values))) for row in layer.shown]
+
+
+def decode_group(layer, first, texel, wi, wo, rule):
+    """The value of the group of channels whose lights begin with number `first`."""
     # 1. Sides
     wi = (*wi[:2], -wi[2] if layer.light_side == 1 else wi[2])
     wo = (*wo[:2], -wo[2] if layer.view_side == 1 else wo[2])
@@ -563,6 +573,7 @@ def decode(levels, layer, level, texel, wi, wo, rule):
     fade = min(1, wi[2] / layer.horizon)
     # 4. Neighbours, 8. Parallax
     lights, beyond = neighbours(layer.lights, wi)
+    lights = [(light + first, weight) for light, weight in lights]
     falls = layer.residual and layer.lobe_role == BASE and rule == "fast"
     toward = at_hull(layer.lights, lights, wi, beyond) if falls else wi
     own_views, beyond_views = neighbours(layer.views, wo)
@@ -606,8 +617,4 @@ def decode(levels, layer, level, texel, wi, wo, rule):
             for tint, x, s0, s1 in zip(edit.tint, value, s, changed)
         ]
     # Beyond the measured lights the value at their hull falls.
-    value = [x * fade * (beyond if falls else 1) for x in value]
-    # 11. Spectrum
-    if layer.shown:
-        return [max(0, sum(w * min(x, 1e30) for w, x in zip(row, value))) for row in layer.shown]
-    return value
+    return [x * fade * (beyond if falls else 1) for x in value]

@@ -7,7 +7,7 @@ from functools import cache
 from spmm.container import BASIS, COEFFICIENTS, DICTIONARY, DIRECTIONS, EDITS, FACTORS, HEIGHT, LAYER, LEVEL
 from spmm.container import FACTOR_CODES, LOBE_REFS, LOBE_WEIGHTS, PREDICTED_COEFFICIENTS, RELIEF, SHARED_BASES
 from spmm.container import SHARED_BASES_PART, SPECTRUM, TEXEL_CLUSTERS, TEXEL_LOBE_COUNTS
-from spmm.container import sides_of_levels, spectrum
+from spmm.container import must_repeat, sides_of_levels, spectrum
 from spmm.decoding import BASE, ROOT, WINDOWED_COSINE, Edit, Layer, Lobe, Relief, carried, clamp, curve, edited_lobe
 from spmm.decoding import keep, lobe_value, raised, relief_record, within_ranges, within_relief_ranges
 from spmm.directions import direction_set, single
@@ -29,10 +29,11 @@ def read(header, show):
     layers = [read_layer(header, i, edits, texel_edits, show) for i in range(header.layers)]
     if header.basis == 1:
         part = header.section(SPECTRUM, 0)
-        (count,) = part.numbers("I", 1)
-        shown = spectrum(count, lambda n: part.numbers("f", n))
+        count, groups = part.numbers("I", 2)
+        shown = spectrum(count, groups, lambda n: part.numbers("f", n))
         part.end()
         for layer, _ in layers:
+            must_repeat(layer.lights, groups)
             layer.shown = shown
     sides = [(layer.light_side, layer.view_side) for layer, _ in layers]
     must(len(set(sides)) == len(sides), "two layers have the same sides")

@@ -5,7 +5,7 @@ import sys
 from array import array
 from dataclasses import replace
 
-from spmm.container import WORDS, sides_of_levels, spectrum
+from spmm.container import WORDS, must_repeat, sides_of_levels, spectrum
 from spmm.decoding import BASE, ROOT, WINDOWED_COSINE, Edit, Layer, Lobe, Relief, Sphere, dot, within_ranges
 from spmm.decoding import within_relief_ranges
 from spmm.directions import cells_a_side, must_be_counts, must_be_directions, single
@@ -32,14 +32,18 @@ def read(header):
     shown, at = None, words[6:7][0]
     must((at != 0) == (header.basis == 1), "word 6 and the basis disagree")
     if at != 0:
-        (count,) = words[words.part(at, 1) : at + 1]
-        must(1 <= count <= 256, "the number of bands is out of its range")
-        rest = iter(words.floats(words.part(at, 10 + 4 * count) + 1, 9 + 4 * count))
-        shown = spectrum(count, lambda n: [next(rest) for _ in range(n)])
+        count, groups = words[words.part(at, 2) : at + 2]
+        must(1 <= count <= 256 and 1 <= groups <= 4, "the number of bands or of groups is out of its range")
+        length = 9 * groups + count * (1 + 3 * groups)
+        rest = iter(words.floats(words.part(at, 2 + length) + 2, length))
+        shown = spectrum(count, groups, lambda n: [next(rest) for _ in range(n)])
     result = []
     for level, size in enumerate(sizes[:levels]):
         blocks = words[8 + level * layers : 8 + (level + 1) * layers]
         result.append([replace(read_layer(words, block, size), shown=shown) for block in blocks])
+        if shown:
+            for layer in result[-1]:
+                must_repeat(layer.lights, len(shown[0]) // 3)
         sides = [(layer.light_side, layer.view_side) for layer in result[-1]]
         must(len(set(sides)) == layers, "two layers have the same sides")
         finest = [(layer.light_side, layer.view_side) for layer in result[0]]

@@ -3,7 +3,8 @@
 
 use crate::support::{ABSOLUTE, RELATIVE, backends, count_differences, difference, gpu, tracers};
 use btf_runtime::testing::{
-    Random, dense_asset, sample_asset, sample_heights, sample_relief_asset, sample_spectral_asset,
+    Random, dense_asset, sample_asset, sample_grouped_spectrum, sample_heights, sample_relief_asset,
+    sample_spectral_asset,
 };
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, HeightUse, Heights, Interpolation, LobeRole, PackedGoal, Resident, ResidualKind,
@@ -130,21 +131,24 @@ fn gpu_decodes_relief_like_the_cpu() {
 fn gpu_decodes_a_spectrum_like_the_cpu() {
     let Some(gpu) = gpu("gpu_decodes_a_spectrum_like_the_cpu") else { return };
     const SAMPLES: usize = 20_000;
-    let asset = with_levels(&sample_spectral_asset(8, 24, 16), &serial);
-    let resident = Resident::from_asset(&asset);
-    let queries = random_queries(&resident, 9, SAMPLES);
-    let options = DecodeOptions::default();
-    let cpu = |resident: &Resident| -> Vec<[f32; 3]> {
-        queries.iter().map(|q| decode(resident, q.layer, q.texel, q.wi, q.wo, &options)).collect()
-    };
-    let found = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap();
-    assert_eq!(count_differences(&cpu(&resident), &found), 0);
-    // Planted differences: other weights, and the channels as colours.
-    let mut other = resident.clone();
-    assert_eq!(other.set_shown([[0.5, 0.5, 0.0]; 3]).len(), 9);
-    let colours = Resident::from_asset(&Asset { spectrum: None, ..asset });
-    for planted in [&other, &colours] {
-        assert!(count_differences(&cpu(planted), &found) > SAMPLES / 3);
+    for asset in [sample_spectral_asset(8, 24, 16), sample_grouped_spectrum(8, 24, 16)] {
+        let asset = with_levels(&asset, &serial);
+        let resident = Resident::from_asset(&asset);
+        let queries = random_queries(&resident, 9, SAMPLES);
+        let options = DecodeOptions::default();
+        let cpu = |resident: &Resident| -> Vec<[f32; 3]> {
+            queries.iter().map(|q| decode(resident, q.layer, q.texel, q.wi, q.wo, &options)).collect()
+        };
+        let found = gpu_decode(&gpu, GpuTracer::Bvh, &resident, &options, &queries).unwrap();
+        assert_eq!(count_differences(&cpu(&resident), &found), 0);
+        // Planted differences: other weights, and the channels as colours.
+        let mut other = resident.clone();
+        let half = std::array::from_fn(|i| if i < 2 { 0.5 } else { 0.0 });
+        assert!(!other.set_shown([half; 3]).is_empty());
+        let colours = Resident::from_asset(&Asset { spectrum: None, ..asset });
+        for planted in [&other, &colours] {
+            assert!(count_differences(&cpu(planted), &found) > SAMPLES / 3);
+        }
     }
 }
 

@@ -35,6 +35,16 @@ pub struct Ktx2Export {
     pub levels: usize,
 }
 
+/// Refuses an asset in bands, whose channels textures do not hold.
+pub(crate) fn refuse_bands(is_spectral: bool, name: &str) -> Result<(), FitError> {
+    match is_spectral {
+        true => Err(FitError::Params(format!(
+            "{name} is in spectral bands, which these textures do not hold; fit its capture with --colours and export that"
+        ))),
+        false => Ok(()),
+    }
+}
+
 /// Returns the asset in `bytes`, of either form, as KTX2 files; `stem` is the first file's name without `.ktx2`. A file
 /// form without levels gets them.
 ///
@@ -43,6 +53,7 @@ pub struct Ktx2Export {
 pub fn export_ktx2(bytes: Vec<u8>, stem: &str) -> Result<Ktx2Export, FitError> {
     let file = open(Arc::new(bytes), Levels::All, &parallel)?;
     let resident = &file.resident;
+    refuse_bands(resident.is_spectral(), stem)?;
     let (count, levels) = (resident.layers() as usize, resident.levels() as usize);
     let of = |level: usize, number: usize| LayerWords::new(resident, level * count + number);
     let size = resident.size(0).map(|side| side as usize);

@@ -3,7 +3,7 @@
 
 use crate::support::gpu::{Gpu, Program, open};
 use crate::support::tools::{self, Tool};
-use btf_runtime::testing::{Random, sample_asset, sample_heights, sample_relief_asset, sample_spectral_asset};
+use btf_runtime::testing::{Random, sample_asset, sample_grouped_spectrum, sample_heights, sample_relief_asset};
 use btf_runtime::{
     Asset, DecodeOptions, Edit, Edits, HeightUse, Interpolation, LobeRole, Resident, ResidualKind, SurfaceSide,
     density, evaluate, pack, sample, serial, with_levels,
@@ -51,7 +51,7 @@ fn residents() -> Vec<Resident> {
     };
     let mut all: Vec<Resident> = (0..).zip(kinds).map(one).collect();
     all.push(Resident::from_asset(&with_levels(&sample_relief_asset(4, 12, 8), &serial)));
-    all.push(Resident::from_asset(&with_levels(&sample_spectral_asset(4, 12, 8), &serial)));
+    all.push(Resident::from_asset(&with_levels(&sample_grouped_spectrum(4, 12, 8), &serial)));
     all
 }
 

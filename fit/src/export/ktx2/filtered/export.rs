@@ -10,6 +10,7 @@ use crate::export::ktx2::filtered::measured_rows::{AssetRows, CaptureRows, LobeT
 use crate::export::ktx2::filtered::planes::Plane;
 use crate::export::ktx2::filtered::view_map::{CELLS, triangles_of_cells};
 use crate::export::ktx2::planes::KTX2_KEY;
+use crate::export::ktx2::planes::refuse_bands;
 use crate::input::layer_frame::side_of_layer;
 use crate::input::tile_cache::TileCache;
 use crate::inspect::load::{parallel, resident_in_parallel};
@@ -80,6 +81,7 @@ pub fn export_filtered(
     params: &FilteredParams,
     monitor: &Monitor,
 ) -> Result<FilteredExport, FitError> {
+    refuse_bands(asset.spectrum.is_some(), stem)?;
     let asset = with_levels(asset, &parallel);
     let resident = resident_in_parallel(&asset);
     let caches = captures_of_layers(&asset, captures, params, monitor)?;
