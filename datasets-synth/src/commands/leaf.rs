@@ -95,7 +95,7 @@ impl LeafArgs {
     fn wavelengths_nm(&self) -> Result<Vec<f64>, Failure> {
         let Bands::Count(count) = self.bands else { return Ok(Vec::new()) };
         let (from, to) = (self.from_nm, self.to_nm);
-        if !(from < to) {
+        if from.partial_cmp(&to) != Some(std::cmp::Ordering::Less) {
             return Err(Failure::Usage(format!("--from-nm {from} is not below --to-nm {to}; give a lower one")));
         }
         // Hundredths of a nanometre, as files name them.

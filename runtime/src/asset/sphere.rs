@@ -92,8 +92,8 @@ impl Sphere {
         let edges = (0..self.words[2] as usize).map(|i| self.edges_at() + i * EDGE_WORDS + 5);
         self.len() == count * rounds
             && (count..self.len()).all(|i| self.direction(i as u32) == self.direction((i % count) as u32))
-            && triangles.map(|at| &self.words[at..at + 3]).flatten().all(below)
-            && edges.map(|at| &self.words[at..at + 2]).flatten().all(below)
+            && triangles.flat_map(|at| &self.words[at..at + 3]).all(below)
+            && edges.flat_map(|at| &self.words[at..at + 2]).all(below)
     }
 
     /// Lays out the words of a set whose triangles and edges are known. It uses sums, products, quotients and square

@@ -201,7 +201,9 @@ impl SceneAsset {
         let nm: Vec<f64> = spectrum.wavelengths_nm.iter().map(|nm| f64::from(*nm)).collect();
         let shown = spectrum.shown_through(&weights(&nm));
         self.head.set_shown(shown);
-        self.expanded.get_mut().into_iter().for_each(|resident| drop(resident.set_shown(shown)));
+        if let Some(resident) = self.expanded.get_mut() {
+            resident.set_shown(shown);
+        }
         if let Some(file) = &mut self.file {
             for asset in [&mut file.asset, &mut file.whole] {
                 asset.spectrum.iter_mut().for_each(|spectrum| spectrum.shown = shown);
