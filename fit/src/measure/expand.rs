@@ -177,7 +177,7 @@ mod tests {
     use crate::provenance::{CaptureRecord, FitRecord, MaterialLayer};
     use crate::sample_asset::{number, sample_asset};
     use btf_capture::{Capture, Pixels, Side};
-    use btf_runtime::{Interpolation, pack};
+    use btf_runtime::{Interpolation, decode, pack};
 
     fn parsed(asset: &Asset) -> Asset {
         Asset::parse(&pack(asset).unwrap()).unwrap()

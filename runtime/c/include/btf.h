@@ -409,6 +409,32 @@ btf_code btf_material(const struct btf_asset *asset,
                       size_t *length);
 
 /**
+ * Returns the wavelengths of an asset's bands in nanometres, ascending.
+ *
+ * `wavelengths_nm`: receives a pointer to them, which belongs to the asset and stays until btf_close; null for an asset of
+ * colours.
+ * `count`: receives their number; 0 for an asset of colours.
+ * Errors: BTF_POINTER.
+ */
+btf_code btf_bands(const struct btf_asset *asset,
+                   const float **wavelengths_nm,
+                   size_t *count);
+
+/**
+ * Makes a second handle of an asset in bands whose values are other sums of them than linear sRGB under D65: colours under
+ * another light, what a camera sees, or three of the bands. The caller gives both to btf_close.
+ *
+ * `weights`: 3 x `count` numbers, for each band of btf_bands the weights in the three values.
+ * `count`: number of bands; must be that of the asset.
+ * `shown`: receives the handle; null where the call fails.
+ * Errors: BTF_POINTER, BTF_ARGUMENT.
+ */
+btf_code btf_show_bands(const struct btf_asset *asset,
+                        const float *weights,
+                        size_t count,
+                        struct btf_asset **shown);
+
+/**
  * Returns an asset as the words of one storage buffer, for the WGSL decoder (`cargo xtask shaders` writes it as
  * btf.wgsl): all levels and layers, with offsets in words from the first, so that several assets may lie in one
  * buffer.
@@ -443,6 +469,20 @@ btf_code btf_evaluate(const struct btf_asset *asset,
                       const struct btf_place *place,
                       const struct btf_options *options,
                       float *value);
+
+/**
+ * Evaluates the bands of one place of an asset that has any, as btf_evaluate does its colours, each at least 0.
+ *
+ * `values`: receives a number for each wavelength of btf_bands.
+ * `count`: room in `values`; must be the number of bands.
+ * Errors: BTF_POINTER, BTF_ARGUMENT.
+ */
+btf_code btf_evaluate_bands(const struct btf_asset *asset,
+                            uint32_t level,
+                            const struct btf_place *place,
+                            const struct btf_options *options,
+                            float *values,
+                            size_t count);
 
 /**
  * Evaluates many places, each like btf_evaluate, on the calling thread. Several threads may share the work: give each
