@@ -26,7 +26,7 @@ pub fn run(_: &[String]) -> Result<(), Box<dyn Error>> {
         reuse();
         texels();
         residuals();
-        one_index();
+        fixed_indices();
     });
     Ok(())
 }
@@ -189,12 +189,11 @@ fn residuals() {
     println!("| abm97 by splitting | {:+.0e} (roulette keeps the mean only) | | |", total - 1.0);
 }
 
-/// Captures trace their table with the refractive indices of 550 nm; spectra use each wavelength's.
-fn one_index() {
-    println!("\n## Indices of 550 nm for all wavelengths, 8 degrees, 4e5 rays\n");
-    println!(
-        "| model | side | quantity | linear sRGB, spectral | linear sRGB, 550 nm | Delta E00 |\n|---|---|---|---|---|---|"
-    );
+/// Captures trace a table with the refractive indices of each channel's mean wavelength; spectra use each wavelength's.
+fn fixed_indices() {
+    println!("\n## Indices of few wavelengths for all, 8 degrees, 4e5 rays\n");
+    println!("| model | side | quantity | linear sRGB, every wavelength's indices | the channels' three | 550 nm |");
+    println!("|---|---|---|---|---|---|");
     let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
     let models: [(&str, Box<dyn Tissue>); 2] =
         [("abm-b", Box::new(AbmB::default())), ("abm-u", Box::new(AbmU::default()))];
@@ -202,28 +201,24 @@ fn one_index() {
         for face in [Face::Adaxial, Face::Abaxial] {
             let beam = Parallel::onto(face, 8.0);
             let of = |nm: f64| trace_path_lengths(&tissue.stack(Nanometres(nm)), &beam, 400_000, 1);
-            let fixed = of(550.0);
-            let mut spectra = [const { Vec::new() }; 4];
+            let channels = convert.mean_wavelengths_nm().map(of);
+            let green = of(550.0);
+            // Reflectance and transmittance: with every wavelength's indices, those of red, green and blue, and of 550 nm.
+            let mut spectra = [const { [const { Vec::new() }; 5] }; 2];
             for &nm in convert.wavelengths_nm() {
                 let depth = tissue.optical_depth(Nanometres(nm)).0;
                 let own = of(nm);
-                spectra[0].push(own.reflectance(depth).mean);
-                spectra[1].push(fixed.reflectance(depth).mean);
-                spectra[2].push(own.transmittance(depth).mean);
-                spectra[3].push(fixed.transmittance(depth).mean);
+                for (i, traced) in [&own, &channels[0], &channels[1], &channels[2], &green].into_iter().enumerate() {
+                    spectra[0][i].push(traced.reflectance(depth).mean);
+                    spectra[1][i].push(traced.transmittance(depth).mean);
+                }
             }
-            for (quantity, i) in [("R", 0), ("T", 2)] {
-                let (a, b) = (convert.rgb(&spectra[i]), convert.rgb(&spectra[i + 1]));
-                println!(
-                    "| {name} | {face:?} | {quantity} | {:.4} {:.4} {:.4} | {:.4} {:.4} {:.4} | {:.2} |",
-                    a[0],
-                    a[1],
-                    a[2],
-                    b[0],
-                    b[1],
-                    b[2],
-                    delta_e00_linear(a, b)
-                );
+            for (quantity, spectra) in ["R", "T"].into_iter().zip(&spectra) {
+                let [own, red, green, blue, fixed] = spectra.each_ref().map(|spectrum| convert.rgb(spectrum));
+                let three = [red[0], green[1], blue[2]];
+                let cell = |rgb: [f64; 3]| format!("{:.4} {:.4} {:.4}", rgb[0], rgb[1], rgb[2]);
+                let told = |rgb| format!("{}, Delta E00 {:.2}", cell(rgb), delta_e00_linear(own, rgb));
+                println!("| {name} | {face:?} | {quantity} | {} | {} | {} |", cell(own), told(three), told(fixed));
             }
         }
     }

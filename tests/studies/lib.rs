@@ -4,6 +4,7 @@
 //! A module that promises use as well has its calculation in public functions, and `run` prints what they return.
 
 pub mod abm_trade;
+pub mod bands;
 pub mod bent_skins;
 pub mod beside;
 pub mod dolly;

@@ -1,7 +1,7 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    abm_trade, bent_skins, dolly, fit_floor, landscape_costs, leaf_faces, leaf_fits, leaf_inversion, leaf_live,
+    abm_trade, bands, bent_skins, dolly, fit_floor, landscape_costs, leaf_faces, leaf_fits, leaf_inversion, leaf_live,
     leaf_trade, lobe_worth, many_captures, volume_costs,
 };
 use std::error::Error;
@@ -10,8 +10,9 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 13] = [
+const STUDIES: [(&str, &str, Study); 14] = [
     ("abm_trade", "", abm_trade::run),
+    ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
     ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
     ("fit_floor", "CAPTURE...", fit_floor::run),

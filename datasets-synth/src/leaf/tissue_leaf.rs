@@ -83,14 +83,7 @@ fn traced_at(tissue: &dyn Tissue, convert: &RgbFromSpectrum) -> Vec<Nanometres> 
     if tissue.has_constant_indices() {
         return vec![TABLE_WAVELENGTH];
     }
-    let mean = |channel: usize| {
-        let terms = convert.wavelengths_nm().iter().zip(convert.weights());
-        let (sum, weight) = terms.fold((0.0, 0.0), |(sum, all), (nm, weights)| {
-            (sum + nm * weights[channel].max(0.0), all + weights[channel].max(0.0))
-        });
-        sum / f64::max(weight, 1e-12)
-    };
-    let nm = [0, 1, 2].map(mean);
+    let nm = convert.mean_wavelengths_nm();
     let [least, most] = [f64::min, f64::max].map(|of| nm.into_iter().fold(nm[0], of));
     if most - least <= MAX_SPAN_NM { vec![Nanometres(0.5 * (least + most))] } else { nm.map(Nanometres).to_vec() }
 }

@@ -113,6 +113,19 @@ impl RgbFromSpectrum {
         &self.wavelengths_nm
     }
 
+    /// Returns the mean wavelength of each channel in nanometres, weighted by its positive weights.
+    pub fn mean_wavelengths_nm(&self) -> [f64; 3] {
+        let mean = |channel: usize| {
+            let terms = self.wavelengths_nm.iter().zip(&self.weights);
+            let (sum, total) = terms.fold((0.0, 0.0), |(sum, total), (nm, weights)| {
+                let weight = weights[channel].max(0.0);
+                (sum + nm * weight, total + weight)
+            });
+            sum / f64::max(total, 1e-12)
+        };
+        [0, 1, 2].map(mean)
+    }
+
     /// Returns linear sRGB of a spectrum at [`RgbFromSpectrum::wavelengths_nm`], signed.
     ///
     /// # Panics

@@ -4,7 +4,7 @@ use super::progress::with_progress;
 use super::report::write_json;
 use super::scene_options::PictureArguments;
 use btf_capture::write_bands_exr;
-use btf_viewer::{RenderParams, Scene, Sequence, ViewerError, render_sequence};
+use btf_viewer::{Body, RenderParams, Scene, Sequence, ViewerError, render_sequence};
 use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Renders the bands of the scene's assets, which must be the same, and writes the picture and its figures. Every light is
-/// taken as having the same power at all wavelengths.
+/// taken as having the same power at all wavelengths, and every plain surface as grey.
 ///
 /// # Errors
 /// [`ViewerError::Usage`] for assets without bands or with different ones, for leaves and volumes, which have colours, and
@@ -28,7 +28,7 @@ pub(super) fn write_bands(
     if !out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
         return Err(ViewerError::Usage("--bands writes an EXR file; give --out a name that ends in .exr".into()));
     }
-    grey_lights(scene);
+    make_grey(scene);
     let (count, [width, height]) = (wavelengths_nm.len(), params.size.map(|side| side as usize));
     let mut values = vec![0f32; width * height * count];
     let mut frame_ms = 0.0;
@@ -86,10 +86,20 @@ fn common_bands(scene: &Scene) -> Result<Vec<f64>, ViewerError> {
     }
 }
 
-/// Makes every light as bright in all channels as it is to the eye.
-fn grey_lights(scene: &mut Scene) {
+/// Makes every light as bright in all channels as it is to the eye, and plain surfaces and tints grey likewise.
+fn make_grey(scene: &mut Scene) {
     let grey = |rgb: &mut [f32; 3]| *rgb = [(0..3).map(|c| LUMINANCE[c] * rgb[c]).sum(); 3];
     scene.lights.iter_mut().for_each(|light| grey(&mut light.intensity));
+    scene.sun.iter_mut().for_each(|sun| grey(&mut sun.irradiance));
+    scene.environment = scene.environment.as_ref().map(|sky| Arc::new(sky.grey()));
     grey(&mut scene.ambient.radiance);
     grey(&mut scene.background);
+    for material in &mut scene.materials {
+        grey(&mut material.tint);
+        grey(&mut material.mirror);
+        if let Body::Plain(colour) = &mut material.body {
+            grey(&mut colour.reflectance);
+            grey(&mut colour.transmittance);
+        }
+    }
 }

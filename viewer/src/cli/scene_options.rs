@@ -44,8 +44,8 @@ pub(super) struct PictureArguments {
     /// [default: 1931]
     #[arg(long, value_name = "NAME|FILE")]
     pub(super) observer: Option<String>,
-    /// Renders band by band into the .exr of --out, a channel for each band; lamps count by their brightness
-    #[arg(long, requires = "headless", conflicts_with_all = ["illuminant", "observer", "environment", "daylight", "turntable", "sequence"])]
+    /// Renders band by band into the .exr of --out, a channel for each band; lights and plain surfaces are grey
+    #[arg(long, requires = "headless", conflicts_with_all = ["illuminant", "observer", "turntable", "sequence"])]
     pub(super) bands: bool,
     /// Exposure in stops [default: 0, or the scene's own]
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]

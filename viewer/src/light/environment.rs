@@ -13,6 +13,8 @@ use std::path::Path;
 
 /// Columns at most; larger pictures are averaged down.
 pub const MAX_COLUMNS: usize = 1024;
+/// Shares of linear red, green and blue in luminance [IEC 61966-2-1].
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 /// Columns at most of the picture that irradiance is summed from: those of a clear sky.
 const IRRADIANCE_PICTURE_COLUMNS: usize = 256;
 
@@ -74,6 +76,14 @@ impl Environment {
         let (columns, rows, coarse) = averaged_down(width, height, &rgb, IRRADIANCE_PICTURE_COLUMNS);
         table.extend(irradiance_table(columns, rows, &coarse));
         Environment { width, height, table }
+    }
+
+    /// Returns the environment that sends as much in all channels as this does of linear sRGB's luminance.
+    pub fn grey(&self) -> Environment {
+        let pixels = self.pixels_at();
+        let rgb = self.table[pixels..pixels + 3 * self.width * self.height].chunks_exact(3);
+        let grey: Vec<f32> = rgb.flat_map(|rgb| [Vec3::from_slice(rgb).dot(LUMINANCE); 3]).collect();
+        Environment::new(self.width, self.height, &grey)
     }
 
     /// Returns the columns and rows.
@@ -217,6 +227,18 @@ mod tests {
         assert_eq!([seen(-270.0, left), seen(450.0, left), seen(88.0, left)], [8.0; 3]);
     }
     use crate::sampler;
+
+    #[test]
+    fn a_grey_sky_has_the_luminance_of_the_coloured_one() {
+        let mut rgb = vec![0.5; 8 * 4 * 3];
+        rgb[..3].copy_from_slice(&[10.0, 20.0, 30.0]);
+        let sky = Environment::new(8, 4, &rgb);
+        let pixel = |sky: &Environment, column: usize| sky.pixel(0, column).to_array();
+        let grey = sky.grey();
+        pixel(&grey, 0).map(|value| assert!((value - 18.596).abs() < 1e-4, "{value}"));
+        pixel(&grey, 5).map(|value| assert!((value - 0.5).abs() < 1e-6, "{value}"));
+        assert_ne!(pixel(&sky, 0), pixel(&grey, 0));
+    }
 
     /// A dim sky with a small sun.
     fn sky() -> Environment {
