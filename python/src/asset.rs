@@ -259,7 +259,7 @@ impl PyAsset {
     /// observer: "1931" or a table of wavelengths and three sensitivities, of a camera.
     ///
     /// Raises ValueError for an asset of colours and for what is no such table.
-    #[pyo3(signature = (illuminant="D65", observer="1931"))]
+    #[pyo3(signature = (illuminant, *, observer="1931"))]
     fn under(&self, illuminant: &str, observer: &str) -> PyResult<PyAsset> {
         let spectrum = self.bands()?;
         let illuminant = Illuminant::by_name(illuminant).map_err(|error| capture_error(&error))?;

@@ -247,7 +247,8 @@ class Stubs(unittest.TestCase):
         self.assertEqual(self.differences(text), set())
         # Planted differences: another default, another order, a function that is not there.
         other = text.replace("level: int = 0", "level: int = 1")
-        self.assertEqual(self.differences(other), {f"Asset.{name}" for name in ("eval", "pdf", "sample", "uv_between")})
+        with_level = ("eval", "eval_bands", "pdf", "sample", "uv_between")
+        self.assertEqual(self.differences(other), {f"Asset.{name}" for name in with_level})
         swapped = text.replace("wo: ArrayLike,\n        at: ArrayLike", "at: ArrayLike,\n        wo: ArrayLike")
         self.assertEqual(self.differences(swapped), {"Asset.sample"})
         self.assertEqual(self.differences(text + "\ndef close() -> None: ...\n"), {"close"})

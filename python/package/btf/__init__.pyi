@@ -186,7 +186,7 @@ class Asset:
     ) -> NDArray[np.float32]:
         """Returns the bands of an asset that has any, as `eval` does its colours: (..., bands)."""
 
-    def under(self, illuminant: str = "D65", observer: str = "1931") -> Asset:
+    def under(self, illuminant: str, *, observer: str = "1931") -> Asset:
         """Returns this asset in bands as it is seen under another light or by another eye.
 
         illuminant: "D65", "A", "E" or a table of wavelengths in nm and power; observer: "1931" or a table of wavelengths and
