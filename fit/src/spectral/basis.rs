@@ -232,12 +232,12 @@ mod tests {
     use super::*;
     use btf_capture::{CaptureInfo, DirectionSet, ImageFormat, Pixels};
 
-    /// Reflectance of a made-up leaf: a green hump and a rise to the infrared, by its pigment.
-    fn reflectance(nm: f64, pigment: f64) -> f64 {
+    /// Reflectance of a made-up leaf: a green hump by its pigment and a rise to the infrared, which no colour tells.
+    fn reflectance(nm: f64, pigment: f64, infrared: f64) -> f64 {
         let absorbed =
             pigment * ((-((nm - 450.0) / 60.0).powi(2)).exp() + (-((nm - 670.0) / 30.0).powi(2)).exp() + 0.1);
         let end = 1.0 / (1.0 + ((nm - 715.0) / 15.0).exp());
-        0.45 * (-3.0 * absorbed * end).exp() + 0.03
+        (0.45 + infrared * (1.0 - end)) * (-3.0 * absorbed * end).exp() + 0.03
     }
 
     fn capture(bands: usize) -> Capture {
@@ -249,7 +249,8 @@ mod tests {
             let (sample, band) = (i / bands, i % bands);
             let pigment = 0.3 + (sample * 37 % 101) as f64 / 80.0;
             let light = 0.2 + (sample * 53 % 89) as f64 / 100.0;
-            (light * reflectance(wavelengths_nm[band], pigment)) as f32
+            let infrared = 0.4 * (sample * 29 % 97) as f64 / 97.0;
+            (light * reflectance(wavelengths_nm[band], pigment, infrared)) as f32
         };
         let values = (0..16 * 48 * bands).map(value).collect();
         Capture::from_linear(info, values).unwrap()
