@@ -37,8 +37,13 @@ fn a_canopy_is_instances_of_variants_that_name_their_leaf() {
     assert_eq!(told["bytes"], fs::metadata(&glb).unwrap().len());
     let lai = told["leaf_area_m2"].as_f64().unwrap() / (20.0 * 0.75 * 0.18);
     assert!((told["leaf_area_index"].as_f64().unwrap() - lai).abs() < 1e-9 && (2.0..7.0).contains(&lai), "{lai}");
+    // Chords are shorter than outlines.
+    let drawn = told["drawn_leaf_area_m2"].as_f64().unwrap() / told["leaf_area_m2"].as_f64().unwrap();
+    assert!((0.8..1.0).contains(&drawn), "{drawn}");
 
     let (document, _) = document(&glb);
+    let field_m: Vec<f64> = serde_json::from_value(document["scenes"][0]["extras"]["field_m"].clone()).unwrap();
+    assert!((field_m[0] - 5.0 * 0.18).abs() < 1e-9 && (field_m[1] - 4.0 * 0.75).abs() < 1e-9, "{field_m:?}");
     let count_of =
         |accessor: &Value| document["accessors"][accessor.as_u64().unwrap() as usize]["count"].as_u64().unwrap();
     let (mut instances, mut drawn) = (0, 0);

@@ -22,4 +22,4 @@ pub use leaf::quantity::{LEAF_QUANTITIES, LeafQuantity};
 pub use leaf::species::{Deficiency, LeafGloss, Species, SpeciesPreset};
 pub use leaf::texture_folder::{TEXTURES_NAME, TextureGrid, TextureImages, write_textures};
 pub use leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
-pub use mesh::{DiffuseColour, ModelMesh, ModelPart, beside, gltf_buffers, is_model, open_gltf, read_model};
+pub use mesh::{DiffuseColour, ModelMesh, ModelPart, beside, field_m, gltf_buffers, is_model, open_gltf, read_model};

@@ -38,7 +38,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     println!("|---|---|---|---|---|---|---|---|");
     for path in assets {
         let bytes = std::fs::metadata(path)?.len();
-        let asset = load_asset(Path::new(path))?;
+        let (_, asset) = load_asset(Path::new(path))?;
         let row = row_of(&asset, &samples, &bands, nm)?;
         println!("| {path} | {bytes} | {row} |");
     }

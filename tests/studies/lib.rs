@@ -7,6 +7,7 @@ pub mod abm_trade;
 pub mod bands;
 pub mod bent_skins;
 pub mod beside;
+pub mod canopies;
 pub mod dolly;
 pub mod fit_floor;
 mod fixtures;

@@ -1,8 +1,8 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    abm_trade, bands, bent_skins, dolly, fit_floor, landscape_costs, leaf_faces, leaf_fits, leaf_inversion, leaf_live,
-    leaf_trade, lobe_worth, many_captures, volume_costs,
+    abm_trade, bands, bent_skins, canopies, dolly, fit_floor, landscape_costs, leaf_faces, leaf_fits, leaf_inversion,
+    leaf_live, leaf_trade, lobe_worth, many_captures, volume_costs,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -10,10 +10,11 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 14] = [
+const STUDIES: [(&str, &str, Study); 15] = [
     ("abm_trade", "", abm_trade::run),
     ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
+    ("canopies", "[PHOTONS]", canopies::run),
     ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
     ("fit_floor", "CAPTURE...", fit_floor::run),
     ("landscape_costs", "[WIDTH [CAMERA [both|sun|sky [BACKEND ...]]]]", landscape_costs::run),

@@ -20,6 +20,8 @@
 
 #[cfg(not(target_arch = "wasm32"))]
 mod bench;
+#[cfg(not(target_arch = "wasm32"))]
+mod canopy;
 mod cpu;
 mod error;
 mod geometry;
@@ -56,6 +58,19 @@ pub use bench::gpu::step::run_gpu_step;
 pub use bench::leaf_modes::LeafModeRow;
 #[cfg(not(target_arch = "wasm32"))]
 pub use bench::plot::bench_svg;
+#[cfg(not(target_arch = "wasm32"))]
+pub use canopy::cell::CanopyCell;
+#[cfg(not(target_arch = "wasm32"))]
+pub use canopy::measure::{
+    CanopyLight, CanopyMeasurement, CanopyParams, Figures, LayerLight, LeafLight, MAX_PHOTONS, ViewLight,
+    measure_canopy,
+};
+#[cfg(not(target_arch = "wasm32"))]
+pub use canopy::optics::{CanopyOptics, MAX_CANOPY_BANDS, SpectraTable};
+#[cfg(not(target_arch = "wasm32"))]
+pub use canopy::plot::canopy_svg;
+#[cfg(not(target_arch = "wasm32"))]
+pub use canopy::structure::{CanopyStructure, Gap, INCLINATION_CLASSES};
 pub use cpu::picture::CpuPicture;
 pub use error::ViewerError;
 pub use geometry::bvh::{AnyHit, Hit, NO_HIT};

@@ -158,6 +158,8 @@ pub fn run(args: &PlantsArgs) -> Result<(), Failure> {
         "flowers": report.flowers,
         "leaf_area_m2": report.leaf_area_m2,
         "leaf_area_index": report.leaf_area_index,
+        "drawn_leaf_area_m2": report.drawn_leaf_area_m2,
+        "drawn_leaf_area_index": report.drawn_leaf_area_index,
         "bytes": report.bytes,
         "seed": params.seed,
         "seconds": seconds,

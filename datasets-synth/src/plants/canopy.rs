@@ -155,9 +155,20 @@ impl Canopy {
         self.instances.iter().map(|one| self.variants[one.variant].plant.flowers() as u64).sum()
     }
 
-    /// Returns the area of one face of all blades in square metres.
+    /// Returns the area of one face of all blades in square metres, over their outlines.
     pub fn leaf_area_m2(&self) -> f64 {
-        let areas_m2: Vec<f64> = self.variants.iter().map(|variant| variant.plant.leaf_area_m2()).collect();
+        self.area_m2(|variant| variant.plant.leaf_area_m2())
+    }
+
+    /// Returns the area of one face of all blades in square metres, of the triangles that are drawn.
+    pub fn drawn_leaf_area_m2(&self) -> f64 {
+        let of_leaves = |(_, mesh): &(Part, Mesh)| mesh.area_m2();
+        self.area_m2(|variant| variant.meshes.iter().filter(|(part, _)| *part == Part::Leaf).map(of_leaves).sum())
+    }
+
+    /// Sums an area of every variant over its plants.
+    fn area_m2(&self, of_variant: impl Fn(&Variant) -> f64) -> f64 {
+        let areas_m2: Vec<f64> = self.variants.iter().map(of_variant).collect();
         self.instances.iter().map(|one| areas_m2[one.variant] * one.scale.powi(2)).sum()
     }
 }

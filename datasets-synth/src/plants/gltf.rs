@@ -58,7 +58,10 @@ pub(crate) fn canopy_glb(canopy: &Canopy, leaf: &LeafDescription, leaf_uri: &str
     let mut document = json!({
         "asset": { "version": "2.0", "generator": concat!("btf-synth ", env!("CARGO_PKG_VERSION")) },
         "scene": 0,
-        "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
+        "scenes": [{
+            "nodes": (0..nodes.len()).collect::<Vec<_>>(),
+            "extras": { "field_m": canopy.field_m },
+        }],
         "nodes": nodes,
         "meshes": meshes,
         "materials": materials,

@@ -52,6 +52,18 @@ impl Mesh {
         (self.positions.len() - 1) as u32
     }
 
+    /// Returns the area of all triangles in square metres.
+    pub fn area_m2(&self) -> f64 {
+        let corner = |index: &u32| self.positions[*index as usize].map(f64::from);
+        let area = |corners: &[u32]| {
+            let [a, b, c] = [&corners[0], &corners[1], &corners[2]].map(corner);
+            let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
+            let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+            0.5 * cross.iter().map(|x| x * x).sum::<f64>().sqrt()
+        };
+        self.indices.chunks_exact(3).map(area).sum()
+    }
+
     /// Returns a rectangle of soil around the bounds of `[x, z]` positions.
     pub fn ground(least_m: [f64; 2], most_m: [f64; 2]) -> Mesh {
         let mut mesh = Mesh::default();

@@ -58,10 +58,14 @@ pub struct PlantsReport {
     pub leaves: u64,
     /// Number of flowers of all plants.
     pub flowers: u64,
-    /// Area of one face of all blades in square metres.
+    /// Area of one face of all blades in square metres, over their outlines.
     pub leaf_area_m2: f64,
-    /// Leaf area over the area of the ground.
+    /// That over the area of the ground.
     pub leaf_area_index: f64,
+    /// Area of one face of all blades in square metres, of the triangles that are drawn: chords are shorter than outlines.
+    pub drawn_leaf_area_m2: f64,
+    /// That over the area of the ground.
+    pub drawn_leaf_area_index: f64,
     /// Size of the `.glb` or script in bytes.
     pub bytes: usize,
 }
@@ -114,7 +118,8 @@ pub fn write_plants(
     textures.export(&files.textures)?;
     leaf.write(&files.leaf)?;
     write_file_atomically(&files.out, &bytes)?;
-    let leaf_area_m2 = canopy.leaf_area_m2();
+    let (leaf_area_m2, drawn_leaf_area_m2) = (canopy.leaf_area_m2(), canopy.drawn_leaf_area_m2());
+    let ground_m2 = canopy.area_per_plant_m2 * canopy.instances.len() as f64;
     Ok(PlantsReport {
         plants: canopy.instances.len(),
         variants: canopy.variants.len(),
@@ -124,7 +129,9 @@ pub fn write_plants(
         leaves: canopy.leaves(),
         flowers: canopy.flowers(),
         leaf_area_m2,
-        leaf_area_index: leaf_area_m2 / (canopy.area_per_plant_m2 * canopy.instances.len() as f64),
+        leaf_area_index: leaf_area_m2 / ground_m2,
+        drawn_leaf_area_m2,
+        drawn_leaf_area_index: drawn_leaf_area_m2 / ground_m2,
         bytes: bytes.len(),
         leaf: files.leaf,
         textures: files.textures,

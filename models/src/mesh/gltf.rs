@@ -5,6 +5,7 @@ use super::address::beside;
 use super::diffuse::DiffuseColour;
 use super::gltf_file::{gltf_buffers, open_gltf};
 use super::model::{ModelMesh, ModelPart, checked, fault};
+use super::read::is_gltf;
 use crate::error::ModelError;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
@@ -14,6 +15,26 @@ use std::path::Path;
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Name of the extension with which a material transmits light diffusely.
 const TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
+
+/// Returns the lengths of a field of plants along x and z in metres, with which it repeats without end: `field_m` in the extras
+/// of the scene. `None` where the file, or a file of another kind, does not say so.
+///
+/// # Errors
+/// Those of [`open_gltf`].
+pub fn field_m(path: &Path) -> Result<Option<[f64; 2]>, ModelError> {
+    if !is_gltf(path) {
+        return Ok(None);
+    }
+    let gltf = open_gltf(path)?;
+    let scene = gltf.default_scene().or_else(|| gltf.scenes().next());
+    let extras = scene.and_then(|scene| scene.extras().as_ref().map(|extras| extras.get().to_owned()));
+    let told: Option<Value> = extras.and_then(|extras| serde_json::from_str(&extras).ok());
+    let side = |k: usize| {
+        let side = told.as_ref()?.get("field_m")?.get(k)?.as_f64()?;
+        (side.is_finite() && side > 0.0).then_some(side)
+    };
+    Ok(side(0).zip(side(1)).map(|(x, z)| [x, z]))
+}
 
 /// Reads the meshes of a glTF file that are placed, in the order of the file. Images inside the file are not decoded.
 pub(super) fn read(path: &Path) -> Result<Vec<ModelMesh>, ModelError> {

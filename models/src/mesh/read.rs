@@ -15,6 +15,11 @@ fn extension_of(path: &Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }
 
+/// Tells whether a file's name is that of a glTF file.
+pub(super) fn is_gltf(path: &Path) -> bool {
+    matches!(extension_of(path).as_str(), "gltf" | "glb")
+}
+
 /// Reads an `.obj`, `.gltf` or `.glb` file: every mesh that is placed, with its transforms, those of
 /// `EXT_mesh_gpu_instancing` included.
 ///

@@ -6,6 +6,7 @@ mod bench;
 mod gpu_bench;
 mod headless;
 mod landscape;
+mod measure;
 mod parse;
 mod plan;
 mod progress;
@@ -20,8 +21,8 @@ use bench::BenchArguments;
 use btf_viewer::ViewerError;
 use clap::Parser;
 use landscape::LandscapeArguments;
+use measure::MeasureArguments;
 use plan::PlanArguments;
-use render_arguments::RenderArguments;
 use serve::ServeArguments;
 use std::process::ExitCode;
 use view::ViewArguments;
@@ -52,6 +53,12 @@ enum Command {
     /// Measures how the time of a frame grows, and with what
     #[command(after_help = "Example: btf-view bench lights cloth.spmm --json lights.json --plot lights.svg")]
     Bench(BenchArguments),
+    /// Measures a canopy: leaf area, leaf angles, gaps, reflectance and absorbed light by band and sun
+    #[command(after_help = "Examples:
+  btf-synth plants field.glb --rows 4 --columns 16 && btf-synth spectrum --csv leaf.csv --both-sides
+  btf-view measure field.glb --leaf leaf.csv --soil 0.2 --bands-nm 550,670,800 --sun-deg 30,60
+  btf-view measure field.glb --leaf leaf.csv --soil soil.csv --sky --plot brf.svg --leaves leaves.csv --json field.json")]
+    Measure(MeasureArguments),
     /// Says what a scene's pictures need of its assets, and writes assets that hold no more
     #[command(after_help = "Example: btf-view plan scene.toml -o trimmed && btf-view --scene trimmed/scene.toml")]
     Plan(PlanArguments),
@@ -80,25 +87,27 @@ pub(crate) fn run(arguments: &Arguments) -> ExitCode {
 }
 
 impl Arguments {
-    /// Returns the options that every command has.
-    fn render(&self) -> &RenderArguments {
+    /// Returns the number of threads that is asked for.
+    fn threads(&self) -> Option<u32> {
         match &self.command {
-            Some(Command::Bench(bench)) => &bench.render,
-            Some(Command::Plan(plan)) => &plan.render,
-            Some(Command::Scene(landscape)) => &landscape.picture.render,
-            Some(Command::Serve(serve)) => &serve.render,
-            None => &self.view.picture.render,
+            Some(Command::Bench(bench)) => bench.render.threads,
+            Some(Command::Measure(measure)) => measure.threads,
+            Some(Command::Plan(plan)) => plan.render.threads,
+            Some(Command::Scene(landscape)) => landscape.picture.render.threads,
+            Some(Command::Serve(serve)) => serve.render.threads,
+            None => self.view.picture.render.threads,
         }
     }
 }
 
 fn run_command(arguments: &Arguments) -> Result<(), ViewerError> {
-    if let Some(threads) = arguments.render().threads {
+    if let Some(threads) = arguments.threads() {
         // The pool can only be set once, and this is the first use.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
     }
     match &arguments.command {
         Some(Command::Bench(bench)) => bench::run(bench),
+        Some(Command::Measure(measure)) => measure::run(measure),
         Some(Command::Plan(plan)) => plan::run(plan),
         Some(Command::Scene(landscape)) => landscape::run(landscape),
         Some(Command::Serve(serve)) => serve::run(serve),

@@ -380,6 +380,11 @@ impl Geometry {
         self.origins[instance][0]
     }
 
+    /// Returns the number of an instance among the placements that the geometry was built of.
+    pub(crate) fn placement_of(&self, instance: usize) -> usize {
+        self.origins[instance][1]
+    }
+
     /// Returns where the meshes lie in the arrays.
     pub(crate) fn meshes(&self) -> &[MeshRange] {
         &self.meshes

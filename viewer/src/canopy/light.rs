@@ -1,0 +1,252 @@
+//! Photons of the sun, or of a white sky, through a canopy: where their light goes, in all bands at once.
+//!
+//! A photon begins anywhere above the cell with weight 1 in every band. Each surface takes its share, sends the photon on by a
+//! diffuse lobe, and is seen from every view with what it sends there (local estimate), so that one set of photons
+//! gives albedo, absorption and reflectance towards all views. Weights differ by band, paths do not.
+
+use super::cell::{CanopyCell, Met, Organ, Surface};
+use super::optics::CanopyOptics;
+use super::structure::direction;
+use crate::render::control::Control;
+use crate::sampler;
+use glam::Vec3;
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+
+/// Parts that photons are traced in, whose scatter gives standard errors.
+pub(crate) const BATCHES: usize = 32;
+/// Largest weight below which a photon is continued by chance, and the weight that it then has.
+const FAINT: f64 = 0.02;
+const REVIVED: f64 = 0.1;
+/// Surfaces that a photon meets at most; what remains then is lost.
+const MAX_MEETINGS: usize = 1000;
+
+/// Where light comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Source {
+    /// A direction to the sun: angles from the zenith, and from north over east.
+    Sun { zenith_rad: f32, azimuth_rad: f32 },
+    /// A sky of the same radiance everywhere.
+    Sky,
+}
+
+/// Where the light of photons went, for each band in units of the light that comes onto the cell.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Tally {
+    /// Left upwards.
+    pub(crate) reflected: Vec<f64>,
+    /// Absorbed: by the soil, by organs that are no leaves, by each layer's leaves (from the soil up, `[layer][band]`).
+    pub(crate) soil: Vec<f64>,
+    pub(crate) other: Vec<f64>,
+    pub(crate) layers: Vec<f64>,
+    /// Absorbed by each leaf, `[leaf][band]`; empty where not asked for.
+    pub(crate) leaves: Vec<f64>,
+    /// Bidirectional reflectance factor of each view, `[view][band]`.
+    pub(crate) views: Vec<f64>,
+    /// Not followed to its end.
+    pub(crate) lost: Vec<f64>,
+}
+
+/// What is counted.
+#[derive(Debug, Clone)]
+pub(crate) struct Counted<'a> {
+    pub(crate) cell: &'a CanopyCell,
+    pub(crate) optics: &'a CanopyOptics,
+    /// Layers of equal height.
+    pub(crate) layers: usize,
+    pub(crate) leaves: bool,
+    /// Unit vectors towards the eyes, above the horizon.
+    pub(crate) views: Vec<Vec3>,
+}
+
+impl Tally {
+    fn new(counted: &Counted) -> Tally {
+        let bands = counted.optics.wavelengths_nm.len();
+        let leaves = if counted.leaves { counted.cell.leaves() } else { 0 };
+        let zeros = |count: usize| vec![0.0; count * bands];
+        Tally {
+            reflected: zeros(1),
+            soil: zeros(1),
+            other: zeros(1),
+            layers: zeros(counted.layers),
+            leaves: zeros(leaves),
+            views: zeros(counted.views.len()),
+            lost: zeros(1),
+        }
+    }
+
+    /// Returns all numbers that have standard errors, in one order.
+    pub(crate) fn parts(&self) -> [&Vec<f64>; 6] {
+        [&self.reflected, &self.soil, &self.other, &self.layers, &self.views, &self.lost]
+    }
+
+    fn parts_mut(&mut self) -> [&mut Vec<f64>; 7] {
+        [
+            &mut self.reflected,
+            &mut self.soil,
+            &mut self.other,
+            &mut self.layers,
+            &mut self.leaves,
+            &mut self.views,
+            &mut self.lost,
+        ]
+    }
+}
+
+/// Traces `photons`, a multiple of [`BATCHES`], and returns the tally of each batch, each as if it were all; `None` if
+/// `control` ends it. The same numbers give the same tallies on any number of threads.
+pub(crate) fn trace(
+    counted: &Counted,
+    source: Source,
+    photons: u32,
+    seed: u32,
+    control: &Control<'_>,
+) -> Option<Vec<Tally>> {
+    let each = photons / BATCHES as u32;
+    let batch = |number: usize| {
+        let mut tally = Tally::new(counted);
+        let mut random = Xoshiro256PlusPlus::seed_from_u64((u64::from(seed) << 32) | number as u64);
+        let mut photon = Photon { weights: Vec::new(), counted };
+        for i in 0..each {
+            if i % 256 == 0 && (control.cancelled)() {
+                return None;
+            }
+            // One stratified set of places for all batches.
+            let index = number as u32 * each + i;
+            photon.run(source, index, seed, &mut random, &mut tally);
+        }
+        let share = 1.0 / f64::from(each.max(1));
+        tally.parts_mut().into_iter().flatten().for_each(|sum| *sum *= share);
+        Some(tally)
+    };
+    (0..BATCHES).into_par_iter().map(batch).collect()
+}
+
+/// A photon on its way.
+struct Photon<'a> {
+    /// Weight in each band.
+    weights: Vec<f64>,
+    counted: &'a Counted<'a>,
+}
+
+impl Photon<'_> {
+    fn run(&mut self, source: Source, index: u32, seed: u32, random: &mut Xoshiro256PlusPlus, tally: &mut Tally) {
+        let Counted { cell, optics, .. } = *self.counted;
+        self.weights.clear();
+        self.weights.resize(optics.wavelengths_nm.len(), 1.0);
+        let mut origin = cell.above(sampler::two(index, seed));
+        let mut towards = match source {
+            Source::Sun { zenith_rad, azimuth_rad } => -direction(zenith_rad, azimuth_rad),
+            Source::Sky => -turned(Vec3::Y, sampler::two(index, seed ^ 0x9e37_79b9)),
+        };
+        for _ in 0..MAX_MEETINGS {
+            match cell.follow(origin, towards) {
+                Met::Sky => return add(&mut tally.reflected, &self.weights),
+                Met::Lost => return add(&mut tally.lost, &self.weights),
+                Met::Soil(at) => {
+                    self.look_from(at, Vec3::Y, [&optics.soil, &optics.soil], tally);
+                    self.absorb(&optics.soil, &mut tally.soil);
+                    towards = turned(Vec3::Y, [random.r#gen(), random.r#gen()]);
+                    origin = at;
+                }
+                Met::Surface(surface) => {
+                    let side = self.meet(&surface, towards, random, tally);
+                    towards = turned(side, [random.r#gen(), random.r#gen()]);
+                    origin = cell.beside(surface.at, side);
+                }
+            }
+            let most = self.weights.iter().fold(0f64, |most, weight| most.max(*weight));
+            if most <= 0.0 {
+                return;
+            }
+            if most < FAINT {
+                if random.r#gen::<f64>() >= most / REVIVED {
+                    return;
+                }
+                self.weights.iter_mut().for_each(|weight| *weight *= REVIVED / most);
+            }
+        }
+        add(&mut tally.lost, &self.weights);
+    }
+
+    /// Meets a surface of a plant: counts what it shows and absorbs, and returns the normal of the side on which the photon goes on.
+    fn meet(&mut self, surface: &Surface, towards: Vec3, random: &mut Xoshiro256PlusPlus, tally: &mut Tally) -> Vec3 {
+        let Counted { optics, layers, cell, leaves, .. } = *self.counted;
+        let upper = surface.normal.dot(towards) < 0.0;
+        let normal = if upper { surface.normal } else { -surface.normal };
+        if surface.organ == Organ::Other {
+            self.look_from(surface.at, normal, [&optics.other, &[]], tally);
+            self.absorb(&optics.other, &mut tally.other);
+            return normal;
+        }
+        let [r, t] = &optics.leaf[usize::from(!upper)];
+        self.look_from(surface.at, normal, [r, t], tally);
+        let bands = self.weights.len();
+        let layer = (f64::from(surface.at.y) / cell.height_m() * layers as f64) as usize;
+        let layer = layer.min(layers - 1) * bands;
+        let leaf = surface.leaf as usize * bands;
+        let (mut reflected, mut sent) = (0.0, 0.0);
+        for (band, weight) in self.weights.iter().enumerate() {
+            let absorbed = weight * (1.0 - r[band] - t[band]);
+            tally.layers[layer + band] += absorbed;
+            if leaves {
+                tally.leaves[leaf + band] += absorbed;
+            }
+            reflected += weight * r[band];
+            sent += weight * (r[band] + t[band]);
+        }
+        // By the mean over the bands.
+        let chance = if sent > 0.0 { reflected / sent } else { 1.0 };
+        let reflects = random.r#gen::<f64>() < chance;
+        let (share, chance) = if reflects { (r, chance) } else { (t, 1.0 - chance) };
+        let scale = 1.0 / chance.max(f64::MIN_POSITIVE);
+        self.weights.iter_mut().zip(share).for_each(|(weight, share)| *weight *= share * scale);
+        if reflects { normal } else { -normal }
+    }
+
+    /// Absorbs all but `share`.
+    fn absorb(&mut self, share: &[f64], absorbed: &mut [f64]) {
+        for ((weight, share), absorbed) in self.weights.iter_mut().zip(share).zip(absorbed) {
+            *absorbed += *weight * (1.0 - share);
+            *weight *= share;
+        }
+    }
+
+    /// Adds what the views see of the light on a surface, which sends `shares` to the side of `normal` and to the other;
+    /// an empty share is nothing.
+    fn look_from(&self, at: Vec3, normal: Vec3, shares: [&[f64]; 2], tally: &mut Tally) {
+        let Counted { cell, views, .. } = self.counted;
+        let bands = self.weights.len();
+        for (view, seen) in views.iter().zip(tally.views.chunks_exact_mut(bands)) {
+            let cosine = normal.dot(*view);
+            let (share, side) = if cosine >= 0.0 { (shares[0], normal) } else { (shares[1], -normal) };
+            if share.is_empty() || !cell.sees_sky(cell.beside(at, side), *view) {
+                continue;
+            }
+            let factor = f64::from(cosine.abs() / view.y);
+            for ((seen, weight), share) in seen.iter_mut().zip(&self.weights).zip(share) {
+                *seen += weight * share * factor;
+            }
+        }
+    }
+}
+
+fn add(sums: &mut [f64], weights: &[f64]) {
+    sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight);
+}
+
+/// Returns a direction about `normal` whose density is its cosine over pi.
+fn turned(normal: Vec3, at: [f32; 2]) -> Vec3 {
+    let local = sampler::cosine(at);
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let turned = tangent * local.x + bitangent * local.y + normal * local.z.max(1e-4);
+    turned.normalize_or(normal)
+}
+
+/// Returns the direction of a view in the sun's plane: `zenith_deg` positive towards the sun, after turning by `azimuth_deg`.
+pub(crate) fn view_direction(sun_azimuth_rad: f32, zenith_deg: f64, azimuth_deg: f64) -> Vec3 {
+    let azimuth = (sun_azimuth_rad + azimuth_deg.to_radians() as f32).rem_euclid(TAU);
+    direction(zenith_deg.to_radians() as f32, azimuth)
+}
