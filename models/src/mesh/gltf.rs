@@ -5,7 +5,6 @@ use super::address::beside;
 use super::diffuse::DiffuseColour;
 use super::gltf_file::{gltf_buffers, open_gltf};
 use super::model::{ModelMesh, ModelPart, checked, fault};
-use super::read::is_gltf;
 use crate::error::ModelError;
 use glam::{Mat4, Quat, Vec3};
 use serde_json::Value;
@@ -16,15 +15,8 @@ const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Name of the extension with which a material transmits light diffusely.
 const TRANSMISSION: &str = "KHR_materials_diffuse_transmission";
 
-/// Returns the lengths of a field of plants along x and z in metres, with which it repeats without end: `field_m` in the extras
-/// of the scene. `None` where the file, or a file of another kind, does not say so.
-///
-/// # Errors
-/// Those of [`open_gltf`].
-pub fn field_m(path: &Path) -> Result<Option<[f64; 2]>, ModelError> {
-    if !is_gltf(path) {
-        return Ok(None);
-    }
+/// Returns the lengths of a field in metres, `field_m` in the extras of the scene; `None` where the file does not say so.
+pub(super) fn field_m(path: &Path) -> Result<Option<[f64; 2]>, ModelError> {
     let gltf = open_gltf(path)?;
     let scene = gltf.default_scene().or_else(|| gltf.scenes().next());
     let extras = scene.and_then(|scene| scene.extras().as_ref().map(|extras| extras.get().to_owned()));

@@ -13,7 +13,6 @@ mod tests;
 
 pub use address::beside;
 pub use diffuse::DiffuseColour;
-pub use gltf::field_m;
 pub use gltf_file::{gltf_buffers, open_gltf};
 pub use model::{ModelMesh, ModelPart};
-pub use read::{is_model, read_model};
+pub use read::{field_m, is_model, read_model};

@@ -15,9 +15,16 @@ fn extension_of(path: &Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }
 
-/// Tells whether a file's name is that of a glTF file.
-pub(super) fn is_gltf(path: &Path) -> bool {
-    matches!(extension_of(path).as_str(), "gltf" | "glb")
+/// Returns the lengths of a field of plants along x and z in metres, with which it repeats without end, as `btf-synth plants`
+/// writes them into a glTF file; `None` where the file, or a file of another kind, does not say so.
+///
+/// # Errors
+/// [`ModelError::Mesh`] for a glTF file that cannot be read.
+pub fn field_m(path: &Path) -> Result<Option<[f64; 2]>, ModelError> {
+    match extension_of(path).as_str() {
+        "gltf" | "glb" => gltf::field_m(path),
+        _ => Ok(None),
+    }
 }
 
 /// Reads an `.obj`, `.gltf` or `.glb` file: every mesh that is placed, with its transforms, those of

@@ -56,6 +56,26 @@ fn a_triangle_is_read_from_a_binary_file_and_from_one_with_its_buffer_beside_it(
 }
 
 #[test]
+fn a_field_says_its_lengths_and_whatever_else_says_none() {
+    let field_of = |extras: Value| {
+        let (mut document, bytes) = triangle();
+        document["scenes"][0]["extras"] = extras;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("field.glb");
+        std::fs::write(&path, glb_from(&document, bytes).unwrap()).unwrap();
+        field_m(&path).unwrap()
+    };
+    assert_eq!(field_of(json!({ "field_m": [2.5, 3] })), Some([2.5, 3.0]));
+    for extras in
+        [json!({ "field_m": [2.5] }), json!({ "field_m": [0, 1] }), json!({ "field_m": "big" }), json!([1, 2])]
+    {
+        assert_eq!(field_of(extras), None);
+    }
+    assert_eq!(field_m(Path::new("a.obj")).unwrap(), None);
+    assert!(field_m(Path::new("nowhere.glb")).unwrap_err().to_string().contains("nowhere.glb"));
+}
+
+#[test]
 fn a_gltf_file_that_would_end_its_reader_is_refused_with_its_name_and_a_remedy() {
     type Change = fn(&mut Value);
     let cases: [(Change, &str); 14] = [
