@@ -1,7 +1,7 @@
 """Draws the NDVI and the red edge of every texel of a leaf's asset in bands: python leaf_indices.py leaf.spmm indices.png
 
 Light falls from 30 degrees, the eye is above. NDVI is that of 670 and 800 nm [rouse1974]; the red edge is the wavelength half way up
-between 670 and 780 nm, by the four points of [guyot1988]. Needs numpy and matplotlib.
+between 670 and 780 nm, by the four points of [guyot1988], where NDVI is 0.3 or more. Needs numpy and matplotlib.
 """
 
 import sys
@@ -27,7 +27,9 @@ def indices(nm, bands):
     red, infrared = at(670), at(800)
     half = (at(670) + at(780)) / 2
     edge = 700 + 40 * (half - at(700)) / np.maximum(at(740) - at(700), 1e-4)
-    return (infrared - red) / np.maximum(infrared + red, 1e-4), np.clip(edge, 680, 760)
+    ndvi = (infrared - red) / np.maximum(infrared + red, 1e-4)
+    # Without chlorophyll there is no edge.
+    return ndvi, np.where(ndvi < 0.3, np.nan, np.clip(edge, 680, 760))
 
 
 def main(path, out):
@@ -46,7 +48,7 @@ def main(path, out):
     for axis in axes:
         axis.set_axis_off()
     figure.savefig(out, dpi=100)
-    print(f"NDVI {ndvi.mean():.3f} +- {ndvi.std():.3f}, red edge {edge.mean():.1f} +- {edge.std():.1f} nm")
+    print(f"NDVI {ndvi.mean():.3f} +- {ndvi.std():.3f}, red edge {np.nanmean(edge):.1f} +- {np.nanstd(edge):.1f} nm")
 
 
 if __name__ == "__main__":

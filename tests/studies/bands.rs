@@ -117,9 +117,11 @@ fn row_of(asset: &Asset, samples: &[Sample], truth: &[Vec<f32>], nm: &[f64]) -> 
     Ok(cells.join(" | "))
 }
 
+/// Returns linear sRGB, each at least 0, as a display shows it and as assets of colours hold it.
 fn seen(bands: &[f32], weights: &[[f32; 3]]) -> [f64; 3] {
-    let sum = |channel: usize| bands.iter().zip(weights).map(|(x, w)| f64::from(*x) * f64::from(w[channel])).sum();
-    [0, 1, 2].map(sum)
+    let product = |channel: usize, (x, w): (&f32, &[f32; 3])| f64::from(*x) * f64::from(w[channel]);
+    let sum = |channel: usize| bands.iter().zip(weights).map(|pair| product(channel, pair)).sum::<f64>();
+    [0, 1, 2].map(|channel| sum(channel).max(0.0))
 }
 
 fn root_mean_square(told: &[Vec<f32>], truth: &[Vec<f32>]) -> f64 {
