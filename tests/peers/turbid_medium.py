@@ -13,7 +13,7 @@ LEAF_AREA_INDEX = 3.0
 BANDS = [(0.10, 0.08, 0.15), (0.45, 0.48, 0.30)]  # reflectance and transmittance of a leaf, reflectance of the soil
 SUN_DEG = 30.0
 EYES_DEG = [-60.0, -30.0, 0.0, 15.0, 45.0, 60.0]  # in the sun's plane, positive on its side
-G = 0.5  # mean projection of leaves with normals of all directions [ross1981]
+G = 0.5  # mean projection of leaves with normals of all directions
 PARTS = 20
 
 

@@ -18,7 +18,7 @@ const TEXELS: usize = 256;
 /// Largest angle of lights and eyes from the normal: colours of what is hardly lit are noise.
 const MAX_THETA_DEG: f32 = 70.0;
 const ILLUMINANTS: [&str; 3] = ["D65", "A", "E"];
-/// Wavelengths in nanometres of the index NDVI [rouse1974].
+/// Wavelengths in nanometres of the index NDVI [Rouse 1974].
 const NDVI_NM: [f64; 2] = [670.0, 800.0];
 
 /// Bands of some texels of a pair.

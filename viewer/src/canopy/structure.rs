@@ -47,7 +47,7 @@ pub struct Gap {
     pub standard_error: f64,
     /// Mean projection of a unit of leaf area onto a plane across the direction, Ross' G.
     pub projection: f64,
-    /// `-ln(gap) cos / (G x leaf area index)`: 1 where leaves are strewn at random, less where they are clumped [nilson1971].
+    /// `-ln(gap) cos / (G x leaf area index)`: 1 where leaves are strewn at random, less where they are clumped [Nilson 1971].
     /// Other organs close gaps, too. None where no ray came through.
     pub clumping: Option<f64>,
 }
