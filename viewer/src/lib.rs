@@ -86,7 +86,7 @@ pub use gpu::scene_change::{SceneChange, Updated};
 pub use gpu::tracer::Tracer;
 pub use light::daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use light::environment::{Environment, MAX_COLUMNS};
-pub use light::solar_spectrum::WHITE_ILLUMINANCE_LUX;
+pub use light::solar_spectrum::{WHITE_ILLUMINANCE_LUX, luminance};
 pub use light::sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use options::{DecoderForm, Filter, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
 pub use picture::{Picture, PixelHit};

@@ -11,12 +11,12 @@ pub const MAX_BANDS: usize = 256;
 /// What becomes of bands.
 #[derive(Debug, Clone, Default)]
 pub(crate) enum Weighing {
-    /// They become linear sRGB under D65.
+    /// Turns bands into linear sRGB under D65.
     #[default]
     Colour,
-    /// They become weighted sums, three channels.
+    /// Turns bands into three channels, weighted sums of them.
     Sums(Arc<BandSums>),
-    /// They stay as they are, by ascending wavelength.
+    /// Keeps bands as they are, by ascending wavelength.
     Bands,
 }
 

@@ -202,7 +202,7 @@ struct Line<'a> {
     count: usize,
     /// Whether its numbers go from white to black.
     is_inverted: bool,
-    /// Its numbers, which may be more than those of its texels.
+    /// Bytes of the numbers, which may be more than those of the texels.
     bytes: &'a [u8],
 }
 

@@ -268,9 +268,9 @@ fn share_of(heading: &str, stem: &str, face: Face) -> Option<(String, usize)> {
 /// How far into a heading a word is looked for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Reach {
-    /// Its first and last word.
+    /// First and last word of the heading.
     Ends,
-    /// The words beside those, too.
+    /// The words beside the first and the last, too.
     Beside,
 }
 

@@ -60,11 +60,11 @@ pub struct PlantsReport {
     pub flowers: u64,
     /// Area of one face of all blades in square metres, over their outlines.
     pub leaf_area_m2: f64,
-    /// That over the area of the ground.
+    /// Leaf area over the outlines, by the area of the ground.
     pub leaf_area_index: f64,
     /// Area of one face of all blades in square metres, of the triangles that are drawn: chords are shorter than outlines.
     pub drawn_leaf_area_m2: f64,
-    /// That over the area of the ground.
+    /// Leaf area of the drawn triangles, by the area of the ground.
     pub drawn_leaf_area_index: f64,
     /// Size of the `.glb` or script in bytes.
     pub bytes: usize,

@@ -448,14 +448,14 @@ impl<'a> ImageDecoder<'a> {
         plan: &PairPlan,
         out: &mut TileRgb,
     ) {
-        self.decode_group(simd, tile, weights, plan, out);
-        let Some(shown) = &self.shown else { return };
+        let Some(shown) = &self.shown else { return self.decode_group(simd, tile, weights, plan, out) };
         let mut sums = [[0.0; TILE_TEXELS]; 3];
         let mut of_group = *out;
-        for group in 0..self.groups {
-            if group > 0 {
-                self.decode_group(simd, tile, weights, &plan.more[group - 1], &mut of_group);
+        for (group, plan) in std::iter::once(plan).chain(&plan.more).enumerate() {
+            if shown.iter().all(|weights| weights[3 * group..3 * group + 3] == [0.0; 3]) {
+                continue;
             }
+            self.decode_group(simd, tile, weights, plan, &mut of_group);
             for (sums, weights) in sums.iter_mut().zip(shown) {
                 for (channel, values) in of_group.iter().enumerate() {
                     let weight = weights[3 * group + channel];

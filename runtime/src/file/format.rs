@@ -154,10 +154,20 @@ pub(crate) fn in_mm_range(size: [f32; 2]) -> bool {
     size.iter().all(|mm| *mm > 0.0 && *mm <= MAX_SIDE_MM)
 }
 
+/// Returns the oldest version that has what a file needs: the channels of a spectrum, or something else that version 1 does not
+/// know.
+pub(crate) fn version_of(is_spectral: bool, is_new: bool) -> u32 {
+    match (is_spectral, is_new) {
+        (true, _) => 3,
+        (false, true) => 2,
+        (false, false) => 1,
+    }
+}
+
 /// The header of an asset: everything it says about the whole file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Head {
-    /// Format version: 3 for channels of a spectrum, 2 where something else is there that version 1 does not know, else 1.
+    /// Format version, of a written file that of [`version_of`].
     pub version: u32,
     /// Form of the file.
     pub form: Form,

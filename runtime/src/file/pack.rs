@@ -19,7 +19,7 @@ use crate::container::entropy::{Encoder, Signed, bounded, code_plane, encode_pla
 use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::FormatError;
 use crate::file::coefficient_coding::{CoefficientFrame, encode_groups};
-use crate::file::format::{Form, Head, SectionKind, Spmm, in_mm_range};
+use crate::file::format::{Form, Head, SectionKind, Spmm, in_mm_range, version_of};
 use crate::file::residual_coding::{FactorCodes, shared_stream};
 use crate::file::texel_coding::{MAX_FRESH, code_clusters, code_counts, code_refs, encode_refs};
 use half::f16;
@@ -128,11 +128,7 @@ fn write(asset: &Asset, streams: &[Vec<Vec<u8>>]) -> Result<Vec<u8>, FormatError
         layer.lobe_role == LobeRole::Base || layer.lobe_weights.is_some() || predicted
     };
     let head = Head {
-        version: match asset.layers.iter().any(is_new) {
-            _ if asset.spectrum.is_some() => 3,
-            true => 2,
-            false => 1,
-        },
+        version: version_of(asset.spectrum.is_some(), asset.layers.iter().any(is_new)),
         form: Form::File,
         width: asset.width as u32,
         height: asset.height as u32,

@@ -6,7 +6,7 @@ use crate::container::fault::Faults;
 use crate::container::file_format::HEADER_WORDS;
 use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::FormatError;
-use crate::file::format::{Form, Head, MAGIC, PIECE_BYTES, SectionKind, Spmm, header, in_mm_range};
+use crate::file::format::{Form, Head, MAGIC, PIECE_BYTES, SectionKind, Spmm, header, in_mm_range, version_of};
 use crate::resident::check::{BrokenWords, check_resident};
 use crate::resident::layout::SPECTRUM;
 use crate::resident::resident::{Resident, ResidentBytes};
@@ -78,11 +78,7 @@ impl ResidentFile {
         }
         let is_new = |layer| resident.lobe_role(layer) == LobeRole::Base as u32 || resident.is_packed(layer);
         let head = Head {
-            version: match (0..resident.layers()).any(is_new) {
-                _ if resident.is_spectral() => 3,
-                true => 2,
-                false => 1,
-            },
+            version: version_of(resident.is_spectral(), (0..resident.layers()).any(is_new)),
             form: Form::Resident,
             width: resident.width(),
             height: resident.height(),

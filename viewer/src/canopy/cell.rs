@@ -84,6 +84,13 @@ pub(crate) struct PlacedTriangle {
     pub(crate) leaf: u32,
 }
 
+impl PlacedTriangle {
+    /// Returns the inclination from the horizontal in degrees, 0 to 90.
+    pub(crate) fn inclination_deg(&self) -> f64 {
+        f64::from(self.normal.y).abs().clamp(0.0, 1.0).acos().to_degrees()
+    }
+}
+
 impl CanopyCell {
     /// Reads a canopy of a file, metres with y up. Parts whose material is named one of `leaf_names` are leaves; those named
     /// `ground` or `soil` are left out. `size_m` are the lengths of the cell along x and z about the origin.
@@ -203,6 +210,11 @@ impl CanopyCell {
     /// Returns the height of the highest point above the soil in metres.
     pub fn height_m(&self) -> f64 {
         f64::from(self.top_m)
+    }
+
+    /// Returns the layer of a height, of `layers` of equal thickness from the soil up.
+    pub(crate) fn layer_of(&self, y: f32, layers: usize) -> usize {
+        ((f64::from(y).max(0.0) / self.height_m() * layers as f64) as usize).min(layers - 1)
     }
 
     /// Returns the number of plants, or of whatever the file places.

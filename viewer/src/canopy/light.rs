@@ -77,11 +77,6 @@ impl Tally {
         }
     }
 
-    /// Returns all numbers that have standard errors, in one order.
-    pub(crate) fn parts(&self) -> [&Vec<f64>; 6] {
-        [&self.reflected, &self.soil, &self.other, &self.layers, &self.views, &self.lost]
-    }
-
     fn parts_mut(&mut self) -> [&mut Vec<f64>; 7] {
         [
             &mut self.reflected,
@@ -184,8 +179,7 @@ impl Photon<'_> {
         let [r, t] = &optics.leaf[usize::from(!upper)];
         self.look_from(surface.at, normal, [r, t], tally);
         let bands = self.weights.len();
-        let layer = (f64::from(surface.at.y) / cell.height_m() * layers as f64) as usize;
-        let layer = layer.min(layers - 1) * bands;
+        let layer = cell.layer_of(surface.at.y, layers) * bands;
         let leaf = surface.leaf as usize * bands;
         let (mut reflected, mut sent) = (0.0, 0.0);
         for (band, weight) in self.weights.iter().enumerate() {

@@ -221,8 +221,7 @@ fn check(cell: &CanopyCell, optics: &CanopyOptics, params: &CanopyParams) -> Res
 fn layer_areas(cell: &CanopyCell, layers: usize) -> Vec<f64> {
     let mut areas = vec![0.0; layers];
     for triangle in cell.triangles().filter(|triangle| triangle.organ == Organ::Leaf) {
-        let layer = (f64::from(triangle.middle.y).max(0.0) / cell.height_m() * layers as f64) as usize;
-        areas[layer.min(layers - 1)] += triangle.area_m2 / cell.ground_m2();
+        areas[cell.layer_of(triangle.middle.y, layers)] += triangle.area_m2 / cell.ground_m2();
     }
     areas
 }
@@ -235,31 +234,32 @@ fn light_of(
     areas: &[f64],
 ) -> CanopyLight {
     let bands = counted.optics.wavelengths_nm.len();
-    let figures = |part: usize, first: usize| {
-        figures(bands, |band| tallies.iter().map(|tally| tally.parts()[part][first * bands + band]).collect())
+    // Figures of the number `row` of a tally's rows of bands.
+    let figures = |part: fn(&Tally) -> &Vec<f64>, row: usize| {
+        figures(bands, |band| tallies.iter().map(|tally| part(tally)[row * bands + band]).collect())
     };
     let layer_m = counted.cell.height_m() / areas.len() as f64;
     let all_layers = |tally: &Tally, band: usize| tally.layers.iter().skip(band).step_by(bands).sum::<f64>();
     CanopyLight {
         sun_zenith_deg,
-        reflectance: figures(0, 0),
-        absorbed_by_soil: figures(1, 0),
-        absorbed_by_other: figures(2, 0),
+        reflectance: figures(|tally| &tally.reflected, 0),
+        absorbed_by_soil: figures(|tally| &tally.soil, 0),
+        absorbed_by_other: figures(|tally| &tally.other, 0),
         absorbed_by_leaves: self::figures(bands, |band| tallies.iter().map(|tally| all_layers(tally, band)).collect()),
-        lost: figures(5, 0),
+        lost: figures(|tally| &tally.lost, 0),
         layers: (0..areas.len())
             .map(|layer| LayerLight {
                 from_m: layer as f64 * layer_m,
                 to_m: (layer + 1) as f64 * layer_m,
                 leaf_area_index: areas[layer],
-                absorbed: figures(3, layer),
+                absorbed: figures(|tally| &tally.layers, layer),
             })
             .collect(),
         views: (0..eyes.len())
             .map(|eye| ViewLight {
                 zenith_deg: eyes[eye][0],
                 azimuth_deg: eyes[eye][1],
-                reflectance_factor: figures(4, eye),
+                reflectance_factor: figures(|tally| &tally.views, eye),
             })
             .collect(),
         leaves: if counted.leaves { leaves_of(counted, tallies) } else { Vec::new() },
@@ -295,8 +295,7 @@ fn leaves_of(counted: &Counted, tallies: &[Tally]) -> Vec<LeafLight> {
         let leaf = &mut leaves[triangle.leaf as usize];
         leaf.area_m2 += triangle.area_m2;
         leaf.height_m += triangle.area_m2 * f64::from(triangle.middle.y);
-        let inclination_deg = f64::from(triangle.normal.y).abs().clamp(0.0, 1.0).acos().to_degrees();
-        leaf.inclination_deg += triangle.area_m2 * inclination_deg;
+        leaf.inclination_deg += triangle.area_m2 * triangle.inclination_deg();
     }
     for (leaf, light) in leaves.iter_mut().enumerate() {
         let area_m2 = light.area_m2.max(f64::MIN_POSITIVE);

@@ -1,6 +1,6 @@
 //! How leaves of a canopy stand: area, inclination, and the gaps between them.
 
-use super::cell::{CanopyCell, Organ};
+use super::cell::{CanopyCell, Met, Organ};
 use crate::sampler;
 use glam::{Vec2, Vec3};
 use serde::Serialize;
@@ -62,7 +62,7 @@ pub(crate) fn structure(cell: &CanopyCell, rays: u32, seed: u32) -> CanopyStruct
             other_m2 += triangle.area_m2;
             continue;
         }
-        let inclination_deg = f64::from(triangle.normal.y).abs().clamp(0.0, 1.0).acos().to_degrees();
+        let inclination_deg = triangle.inclination_deg();
         let class = ((inclination_deg / 10.0) as usize).min(INCLINATION_CLASSES - 1);
         shares[class] += triangle.area_m2;
         leaf_m2 += triangle.area_m2;
@@ -116,7 +116,7 @@ fn gap_fraction(cell: &CanopyCell, zenith_deg: f64, rays: u32, seed: u32) -> f64
     let comes_through = |ray: &u32| {
         let azimuth = TAU * sampler::two(*ray, seed ^ 0x5bd1_e995)[0];
         let from = cell.above(sampler::two(*ray, seed));
-        matches!(cell.follow(from, -direction(zenith, azimuth)), super::cell::Met::Soil(_))
+        matches!(cell.follow(from, -direction(zenith, azimuth)), Met::Soil(_))
     };
     (0..rays).filter(comes_through).count() as f64 / f64::from(rays)
 }

@@ -4,13 +4,10 @@ use super::progress::with_progress;
 use super::report::write_json;
 use super::scene_options::PictureArguments;
 use btf_capture::write_bands_exr;
-use btf_viewer::{Body, RenderParams, Scene, Sequence, ViewerError, render_sequence};
+use btf_viewer::{Body, RenderParams, Scene, Sequence, ViewerError, luminance, render_sequence};
 use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Shares of linear red, green and blue in brightness [IEC 61966-2-1].
-const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Renders the bands of the scene's assets, which must be the same, and writes the picture and its figures. Every light is
 /// taken as having the same power at all wavelengths, and every plain surface as grey.
@@ -88,7 +85,7 @@ fn common_bands(scene: &Scene) -> Result<Vec<f64>, ViewerError> {
 
 /// Makes every light as bright in all channels as it is to the eye, and plain surfaces and tints grey likewise.
 fn make_grey(scene: &mut Scene) {
-    let grey = |rgb: &mut [f32; 3]| *rgb = [(0..3).map(|c| LUMINANCE[c] * rgb[c]).sum(); 3];
+    let grey = |rgb: &mut [f32; 3]| *rgb = [luminance(rgb.map(f64::from)) as f32; 3];
     scene.lights.iter_mut().for_each(|light| grey(&mut light.intensity));
     scene.sun.iter_mut().for_each(|sun| grey(&mut sun.irradiance));
     scene.environment = scene.environment.as_ref().map(|sky| Arc::new(sky.grey()));

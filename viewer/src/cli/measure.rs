@@ -20,7 +20,7 @@ pub(super) struct MeasureArguments {
     /// Table (CSV) of the soil's reflectance over nm, or one number, 0 to 1
     #[arg(long, value_name = "FILE|R")]
     pub(super) soil: String,
-    /// The same of stems and all that is no leaf [default: reflectance of the leaf's upper face]
+    /// Table (CSV) of the reflectance of stems and all that is no leaf, or one number [default: that of the leaf's upper face]
     #[arg(long, value_name = "FILE|R")]
     pub(super) other: Option<String>,
     /// Names of the materials that are leaves

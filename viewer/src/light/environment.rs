@@ -6,6 +6,7 @@
 //! interpolated from can be drawn.
 
 use crate::light::sky_irradiance::{irradiance_from_table, irradiance_table};
+use crate::light::solar_spectrum::luminance;
 use btf_capture::{CaptureError, RadianceMap};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
@@ -13,8 +14,6 @@ use std::path::Path;
 
 /// Columns at most; larger pictures are averaged down.
 pub const MAX_COLUMNS: usize = 1024;
-/// Shares of linear red, green and blue in luminance [IEC 61966-2-1].
-const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 /// Columns at most of the picture that irradiance is summed from: those of a clear sky.
 const IRRADIANCE_PICTURE_COLUMNS: usize = 256;
 
@@ -82,7 +81,8 @@ impl Environment {
     pub fn grey(&self) -> Environment {
         let pixels = self.pixels_at();
         let rgb = self.table[pixels..pixels + 3 * self.width * self.height].chunks_exact(3);
-        let grey: Vec<f32> = rgb.flat_map(|rgb| [Vec3::from_slice(rgb).dot(LUMINANCE); 3]).collect();
+        let grey: Vec<f32> =
+            rgb.flat_map(|rgb| [luminance([rgb[0], rgb[1], rgb[2]].map(f64::from)) as f32; 3]).collect();
         Environment::new(self.width, self.height, &grey)
     }
 

@@ -88,7 +88,7 @@ fn linear_srgb(xyz: [f64; 3]) -> [f64; 3] {
 }
 
 /// Returns the luminance of linear sRGB as a share of white's [IEC 61966-2-1].
-pub(crate) fn luminance(rgb: [f64; 3]) -> f64 {
+pub fn luminance(rgb: [f64; 3]) -> f64 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }
 
