@@ -167,7 +167,7 @@ pub(crate) fn version_of(is_spectral: bool, is_new: bool) -> u32 {
 /// The header of an asset: everything it says about the whole file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Head {
-    /// Format version, of a written file that of [`version_of`].
+    /// Format version; a written file takes the oldest that has what it needs.
     pub version: u32,
     /// Form of the file.
     pub form: Form,

@@ -5,6 +5,7 @@ pub mod arrows;
 pub mod header;
 pub mod licences;
 pub mod links;
+pub mod locks;
 pub mod rooms;
 mod spdx;
 pub mod words;

@@ -43,6 +43,11 @@ const WORKSPACES: [Workspace; 2] = [
     },
 ];
 
+/// Returns the folders of the workspaces that are fuzzed.
+pub fn folders() -> impl Iterator<Item = &'static str> {
+    WORKSPACES.iter().map(|workspace| workspace.folder)
+}
+
 /// Default number of executions of a target, which take some seconds.
 pub const RUNS: u64 = 20_000;
 

@@ -4,8 +4,8 @@ mod runners;
 mod steps;
 
 use crate::arguments::asks_for_help;
-use crate::checks::{arrows, header, licences, links, rooms, words};
-use crate::chores::check::{CLIPPY, CLIPPY_WITHOUT_WINDOW, FORMAT};
+use crate::checks::{arrows, header, licences, links, locks, rooms, words};
+use crate::chores::check::{CLIPPY, CLIPPY_WITHOUT_WINDOW, DOCS, DOCS_FLAGS, FORMAT};
 use crate::chores::fuzz;
 use crate::counts::Counts;
 use crate::failure::Failure;
@@ -21,7 +21,7 @@ use steps::Suite;
 
 const HELP: &str = "\
 Runs everything that CI runs and goes on after a failure. First come the tests that need nothing but Rust, then format,
-dependency arrows, folders, licences, words, links of the documents, the C header, doc tests, clippy and docs; then what other programs need is
+dependency arrows, folders, licences, words, links of the documents, lock files, the C header, doc tests, clippy and docs; then what other programs need is
 installed (a software Vulkan driver, Xvfb, compilers and valgrind; below the target folder judges of shaders and files,
 Mitsuba, the Python module and Blender), and the tests run that use it, and the fuzz targets for some seconds. At the end everything
 that failed is listed; the last line sums it up: N passed, N failed, N skipped.
@@ -75,7 +75,7 @@ fn run_all(suite: &mut Suite, metadata: &Metadata) {
     suite.tests("doc tests", runners::doc_tests);
     suite.cargo("clippy", CLIPPY, &[]);
     suite.cargo("clippy without the window", CLIPPY_WITHOUT_WINDOW, &[]);
-    suite.cargo("docs", &["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")]);
+    suite.cargo("docs", DOCS, &[DOCS_FLAGS]);
     install(suite, target);
     suite.tests("tests with other programs", || runners::dependent_tests(metadata));
     suite.tests("unit tests on the GPU", || runners::gpu_unit_tests(metadata));
@@ -96,6 +96,7 @@ fn check(suite: &mut Suite, metadata: &Metadata) {
     suite.check("rooms", || rooms::check(&root()));
     suite.check("words", || words::check(&root()));
     suite.check("links", || links::check(&root()));
+    suite.check("lock files", || locks::check(&root(), fuzz::folders()));
     suite.check("header", header::check);
 }
 
