@@ -71,6 +71,7 @@ pub use inversion::digits::significant;
 pub use inversion::forward::{MAX_UNKNOWNS, Unknown};
 pub use inversion::invert::{InversionParams, Inverter};
 pub use inversion::maps::{COLOURS_TELL, LeafMaps, invert_captures};
+pub use inversion::mean_spectra::MeanSpectra;
 pub use inversion::outcome::{Inversion, State};
 pub use inversion::simulated::{any_contents, simulated_spectra};
 pub use inversion::spectra::{LeafSpectra, SHARES};

@@ -49,6 +49,27 @@ fn a_spectrum_of_the_program_gives_its_contents_back() {
 }
 
 #[test]
+fn a_model_is_compared_with_measured_leaves() {
+    let folder = tempfile::tempdir().unwrap();
+    let [table, plot] = ["elm.csv", "elm.svg"].map(|name| folder.path().join(name));
+    succeed(&["spectrum", "--cab", "27", "--quiet", "--csv", text(&table)]);
+    let against = |more: &[&str]| {
+        let json = succeed(&[&["spectrum", "--measured", text(&table), "--json", "-"], more].concat());
+        serde_json::from_str::<serde_json::Value>(&json).unwrap()["measured"].clone()
+    };
+    let error = |told: &serde_json::Value| told["adaxial"]["reflectance"]["root_mean_square_error"].as_f64().unwrap();
+    let same = against(&["--cab", "27", "--plot", text(&plot), "--both-sides"]);
+    assert!(error(&same) < 1e-9 && same["adaxial"]["transmittance"]["leaves"] == 1, "{same}");
+    assert!(same.get("abaxial").is_none() && fs::read_to_string(&plot).unwrap().contains("stroke-dasharray"));
+    // Another leaf is told apart, also between the wavelengths of the table and beyond them.
+    let other = error(&against(&["--cab", "60", "--step-nm", "7", "--to-nm", "900"]));
+    assert!((0.005..0.1).contains(&other), "{other}");
+    let output = synth(&["spectrum", "--measured", text(&table), "--from-nm", "900", "--to-nm", "1000"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("elm.csv has no measurement of the adaxial face"), "{said}");
+}
+
+#[test]
 fn both_faces_of_a_leaf_tell_its_halves() {
     let folder = tempfile::tempdir().unwrap();
     let table = folder.path().join("birch.csv");

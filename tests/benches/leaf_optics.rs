@@ -2,7 +2,7 @@
 //! time is printed by the study `leaf_trade`.
 
 use btf_synth::{LeafContents, PlateBody, PlateModel, RgbBands, SpecificAbsorption, ThetaForm};
-use btf_tests::leaf_trade::contents_grid;
+use btf_tests::leaf::trade::contents_grid;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 
 /// Items of one iteration.

@@ -2,7 +2,7 @@
 //! reflectance.
 
 use btf_synth::{PlateModel, RgbBands, RgbFromSpectrum, ThetaForm};
-use btf_tests::leaf_trade::{colour_errors, contents_grid, single_plate_errors, theta_errors};
+use btf_tests::leaf::trade::{colour_errors, contents_grid, single_plate_errors, theta_errors};
 
 #[test]
 fn ten_nanometre_steps_lose_nothing_that_an_eye_sees_and_three_wavelengths_lose_much() {

@@ -6,8 +6,8 @@ use btf_synth::{
     CookTorrance, GlossParams, LeafContents, LobeAngles, PROSPECT_CONE_DEG, PlateBody, PlateModel, RgbBands,
     SpecificAbsorption, ThetaForm, mean_interface_transmittance, plate_spectrum, vein_frame,
 };
-use btf_tests::leaf_live::{body_colours, contents_of, random_states, reference_colours};
-use btf_tests::leaf_trade::{Spread, delta_e00_linear};
+use btf_tests::leaf::live::{body_colours, contents_of, random_states, reference_colours};
+use btf_tests::leaf::trade::{Spread, delta_e00_linear};
 
 /// Returns the absorption of one unit of each content in the tables.
 fn coefficients(table: SpecificAbsorption, nm: f64) -> [f64; 6] {

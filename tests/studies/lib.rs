@@ -3,7 +3,6 @@
 //!
 //! A module that promises use as well has its calculation in public functions, and `run` prints what they return.
 
-pub mod abm_trade;
 pub mod bands;
 pub mod bent_skins;
 pub mod beside;
@@ -12,11 +11,7 @@ pub mod dolly;
 pub mod fit_floor;
 mod fixtures;
 pub mod landscape_costs;
-pub mod leaf_faces;
-pub mod leaf_fits;
-pub mod leaf_inversion;
-pub mod leaf_live;
-pub mod leaf_trade;
+pub mod leaf;
 pub mod lobe_worth;
 pub mod many_captures;
 pub mod volume_costs;

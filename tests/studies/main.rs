@@ -1,8 +1,7 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    abm_trade, bands, bent_skins, canopies, dolly, fit_floor, landscape_costs, leaf_faces, leaf_fits, leaf_inversion,
-    leaf_live, leaf_trade, lobe_worth, many_captures, volume_costs,
+    bands, bent_skins, canopies, dolly, fit_floor, landscape_costs, leaf, lobe_worth, many_captures, volume_costs,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -10,19 +9,20 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 15] = [
-    ("abm_trade", "", abm_trade::run),
+const STUDIES: [(&str, &str, Study); 16] = [
+    ("abm_trade", "", leaf::abm_trade::run),
     ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
     ("canopies", "[PHOTONS]", canopies::run),
     ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
     ("fit_floor", "CAPTURE...", fit_floor::run),
     ("landscape_costs", "[WIDTH [CAMERA [both|sun|sky [BACKEND ...]]]]", landscape_costs::run),
-    ("leaf_faces", "FOLDER", leaf_faces::run),
-    ("leaf_fits", "", leaf_fits::run),
-    ("leaf_inversion", "[FOLDER...]", leaf_inversion::run),
-    ("leaf_live", "", leaf_live::run),
-    ("leaf_trade", "", leaf_trade::run),
+    ("leaf_curves", "FOLDER OUT", leaf::curves::run),
+    ("leaf_faces", "FOLDER", leaf::faces::run),
+    ("leaf_fits", "", leaf::fits::run),
+    ("leaf_inversion", "[FOLDER...]", leaf::inversion::run),
+    ("leaf_live", "", leaf::live::run),
+    ("leaf_trade", "", leaf::trade::run),
     ("lobe_worth", "ASSET.spmm...", lobe_worth::run),
     ("many_captures", "BTF_FIT [COUNT [WORKERS [KILLS]]]", many_captures::run),
     ("volume_costs", "[WIDTH]", volume_costs::run),

@@ -342,6 +342,7 @@ fn plot(args: &InvertArgs, leaf: &LeafSpectra, fitted: &[Vec<f64>; SHARES]) -> S
         x_label: "wavelength in nm".into(),
         y_label: "share of incident light".into(),
         series,
+        dashed: Vec::new(),
     }
     .svg()
 }

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use btf_synth::{
-    Estimate, LEAF_TABLE_NM, LeafContents, LeafModel, LinePlot, Method, PAPER_WAVELENGTHS_NM, PlateModel, PlateOptics,
-    Rays, Series, Spectrophotometer, Spectrum, SynthError, plate_spectrum, two_sided_spectrum,
+    Estimate, LEAF_TABLE_NM, LeafContents, LeafModel, LinePlot, MeanSpectra, Method, PAPER_WAVELENGTHS_NM, PlateModel,
+    PlateOptics, Rays, Series, Spectrophotometer, Spectrum, SynthError, plate_spectrum, read_spectra,
+    two_sided_spectrum,
 };
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -23,6 +24,7 @@ use super::run_args::{RunArgs, write_text};
   btf-synth spectrum --model plate-two-sided --both-sides --to-nm 2500 --csv faces.csv
   btf-synth spectrum --model abm97 --side abaxial --rays 1e6 --json -
   btf-synth spectrum --model abm97 --beam emitter --method direct --precision 0.001
+  btf-synth spectrum --model abm-b --measured leaves.csv --plot against.svg
   btf-synth spectrum --model abm-b --to-nm 2500 --step-nm 20 --rays 1e5 --plot soybean.svg")]
 pub struct SpectrumArgs {
     /// Model of the leaf's optics
@@ -69,6 +71,12 @@ pub struct SpectrumArgs {
     /// Seed of the rays
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Compare with measured leaves, a table as `btf-synth invert` reads: their mean is dashed in the plot
+    #[arg(long, value_name = "SPECTRA.csv")]
+    measured: Option<PathBuf>,
+    /// Values of the table of measured leaves are percent
+    #[arg(long, requires = "measured")]
+    percent: bool,
     /// Write the curves as a table, which `btf-synth invert` reads
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
@@ -99,9 +107,10 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     if args.both_sides {
         sides.push(if args.side == Side::Adaxial { Side::Abaxial } else { Side::Adaxial });
     }
+    let compared = compared(args, &sides)?;
     let (spectra, seconds) = measure(args, &sides)?;
     if let Some(path) = &args.plot {
-        write_text(path, &plot(args, &sides, &spectra))?;
+        write_text(path, &plot(args, &sides, &spectra, compared.as_ref()))?;
     }
     if let Some(path) = &args.csv {
         write_text(path, &csv(&sides, &spectra))?;
@@ -115,7 +124,11 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
     if let Some(other) = spectra.get(1) {
         result[side_name(sides[1])] = figures(other);
     }
-    let tables: Vec<String> = spectra
+    let against = compared.as_ref().map(|mean| errors(mean, &sides, &spectra));
+    if let Some((figures, _)) = &against {
+        result["measured"] = figures.clone();
+    }
+    let mut tables: Vec<String> = spectra
         .iter()
         .zip(&sides)
         .map(|(spectrum, side)| {
@@ -123,7 +136,54 @@ pub fn run(args: &SpectrumArgs) -> Result<(), Failure> {
             heading + &table(spectrum)
         })
         .collect();
+    tables.extend(against.map(|(_, said)| said));
     args.run.report(&result, tables.concat().trim_end())
+}
+
+/// Returns the mean of the leaves that the models are compared with, of which one of `sides` must have been measured.
+fn compared(args: &SpectrumArgs, sides: &[Side]) -> Result<Option<MeanSpectra>, Failure> {
+    let Some(path) = &args.measured else { return Ok(None) };
+    let scale = if args.percent { 0.01 } else { 1.0 };
+    let read = read_spectra(path, scale, args.side.into())?;
+    let mean = MeanSpectra::of(&read.leaves, &wavelengths(args)?);
+    let known =
+        |side: &Side| shares_of(*side).into_iter().any(|share| mean.shares[share].iter().any(|x| x.is_finite()));
+    match sides.iter().any(known) {
+        true => Ok(Some(mean)),
+        false => Err(Failure::Usage(format!(
+            "{} has no measurement of the {} face at the wavelengths of the model; give --side, --from-nm, --to-nm and \
+             --step-nm that fit",
+            path.display(),
+            side_name(args.side)
+        ))),
+    }
+}
+
+/// Returns the places of the reflectance and the transmittance of a face in [`MeanSpectra::shares`].
+fn shares_of(side: Side) -> [usize; 2] {
+    match side {
+        Side::Adaxial => [0, 1],
+        Side::Abaxial => [2, 3],
+    }
+}
+
+/// Returns how far a model is from measured leaves: as JSON and for a reader.
+fn errors(mean: &MeanSpectra, sides: &[Side], spectra: &[Spectrum]) -> (Value, String) {
+    let (mut figures, mut text) = (json!({}), String::new());
+    for (side, spectrum) in sides.iter().zip(spectra) {
+        let quantities = [("reflectance", &spectrum.reflectance), ("transmittance", &spectrum.transmittance)];
+        for (share, (quantity, values)) in shares_of(*side).into_iter().zip(quantities) {
+            let values: Vec<f64> = values.iter().map(|estimate| estimate.mean).collect();
+            let Some(error) = mean.error_of(share, &values) else { continue };
+            let (face, leaves) = (side_name(*side), mean.leaves[share]);
+            figures[face][quantity] =
+                json!({ "leaves": leaves, "root_mean_square_error": error, "mean": mean.shares[share] });
+            text += &format!(
+                "{face} {quantity}: root mean square difference to the mean of {leaves} measured leaves {error:.4}\n"
+            );
+        }
+    }
+    (figures, text)
 }
 
 /// Measures the spectrum of each of `sides`. Also returns the seconds that it took.
@@ -239,21 +299,28 @@ fn csv(sides: &[Side], spectra: &[Spectrum]) -> String {
     text + "\n"
 }
 
-fn plot(args: &SpectrumArgs, sides: &[Side], spectra: &[Spectrum]) -> String {
-    let mut series = Vec::new();
+fn plot(args: &SpectrumArgs, sides: &[Side], spectra: &[Spectrum], compared: Option<&MeanSpectra>) -> String {
+    let (mut series, mut dashed) = (Vec::new(), Vec::new());
     for (side, spectrum) in sides.iter().zip(spectra) {
-        for (quantity, values) in [("reflectance", &spectrum.reflectance), ("transmittance", &spectrum.transmittance)] {
+        let quantities = [("reflectance", &spectrum.reflectance), ("transmittance", &spectrum.transmittance)];
+        for (share, (quantity, values)) in shares_of(*side).into_iter().zip(quantities) {
             let label = if args.both_sides { format!("{}, {quantity}", side_name(*side)) } else { quantity.into() };
             let points = spectrum.wavelength_nm.iter().copied().zip(values.iter().map(|e| e.mean)).collect();
             series.push(Series { label, points });
+            if let Some(mean) = compared {
+                let points = spectrum.wavelength_nm.iter().copied().zip(mean.shares[share].iter().copied()).collect();
+                dashed.push(Series { label: "measured".into(), points });
+            }
         }
     }
     let faces = if args.both_sides { "both faces".into() } else { format!("{} face", side_name(args.side)) };
+    let beside = if compared.is_some() { ", dashed: measured" } else { "" };
     LinePlot {
-        title: format!("{}, {faces}, {} degrees", args.model, args.incidence_deg),
+        title: format!("{}, {faces}, {} degrees{beside}", args.model, args.incidence_deg),
         x_label: "wavelength in nm".into(),
         y_label: "share of incident light".into(),
         series,
+        dashed,
     }
     .svg()
 }

@@ -32,6 +32,9 @@ pub struct LinePlot {
     pub y_label: String,
     /// Lines.
     pub series: Vec<Series>,
+    /// Lines that are dashed, each in the colour of the series of its place: what the series is compared with. They have no
+    /// legend.
+    pub dashed: Vec<Series>,
 }
 
 /// Returns some five round numbers between `least` and `most`.
@@ -123,7 +126,8 @@ fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
 impl LinePlot {
     /// Returns the plot as an SVG file. The vertical axis starts at 0, or below if data do.
     pub fn svg(&self) -> String {
-        let points = || self.series.iter().flat_map(|s| &s.points).filter(|p| p.0.is_finite() && p.1.is_finite());
+        let all = || self.series.iter().chain(&self.dashed);
+        let points = || all().flat_map(|s| &s.points).filter(|p| p.0.is_finite() && p.1.is_finite());
         let range = |pick: fn(&(f64, f64)) -> f64| {
             points().map(pick).fold([f64::MAX, f64::MIN], |[low, high], v| [low.min(v), high.max(v)])
         };
@@ -132,10 +136,12 @@ impl LinePlot {
         let frame = Frame { x: widened(range(|p| p.0)), y: widened([low.min(0.0), 1.28 * high]) };
         let content = html! {
             (frame.axes(&self.x_label, &self.y_label, &ticks(frame.y[0], frame.y[1])))
-            @for (i, series) in self.series.iter().enumerate() {
-                @let line = series.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite());
-                path d=(path(line.map(|p| frame.place(p.0, p.1)))) fill="none" stroke-width="2"
-                    stroke=(COLOURS[i % COLOURS.len()]) {}
+            @for (lines, dashes) in [(&self.series, None), (&self.dashed, Some("6 4"))] {
+                @for (i, series) in lines.iter().enumerate() {
+                    @let line = series.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite());
+                    path d=(path(line.map(|p| frame.place(p.0, p.1)))) fill="none" stroke-width="2"
+                        stroke=(COLOURS[i % COLOURS.len()]) stroke-dasharray=[dashes] {}
+                }
             }
             (legend(self.series.iter().map(|s| s.label.clone())))
         };
@@ -278,8 +284,10 @@ mod tests {
             x_label: "wavelength in nm".into(),
             y_label: "share".into(),
             series: vec![line("a <b>", &[(400.0, 0.1), (500.0, f64::NAN), (600.0, 0.3)]), line("empty", &[])],
+            dashed: vec![line("measured", &[(400.0, 2.0)])],
         };
         let svg = plot.svg();
+        assert!(svg.contains("stroke-dasharray") && svg.contains(">2.0<"), "{svg}");
         assert!(svg.starts_with("<?xml") && svg.contains("R &amp; T") && svg.contains("a &lt;b&gt;"));
         let s = [line("15", &[(-81.0, 0.1), (0.0, 0.2), (81.0, 0.9)])];
         for svg in [
@@ -287,7 +295,14 @@ mod tests {
             goniogram_svg("g", "1/sr", &s, &s),
             counts_svg("b", "x", "y", &[line("c", &[(0.0, 3.0), (1.0, 0.0)])]),
             disk_svg("d", 2, 3, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]),
-            LinePlot { title: String::new(), x_label: String::new(), y_label: String::new(), series: vec![] }.svg(),
+            LinePlot {
+                title: String::new(),
+                x_label: String::new(),
+                y_label: String::new(),
+                series: vec![],
+                dashed: vec![],
+            }
+            .svg(),
         ] {
             assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
             assert_eq!(svg.matches("<svg").count(), svg.matches("</svg>").count());

@@ -7,6 +7,7 @@ pub(crate) mod halves;
 pub(crate) mod invert;
 pub(crate) mod least_squares;
 pub(crate) mod maps;
+pub(crate) mod mean_spectra;
 pub(crate) mod outcome;
 pub(crate) mod plates;
 pub(crate) mod remarks;

@@ -1,7 +1,7 @@
 //! `abm-b`: the two-sided (bifacial) leaf of the later algorithmic model, six interfaces, spectral indices
 //! [Baranoski 2006; Baranoski 2007].
 //!
-//! | parameter | unit | soybean | maize | valid |
+//! | parameter | unit | maize | soybean | valid |
 //! |---|---|---|---|---|
 //! | whole leaf's thickness | cm | 0.0204 | 0.0166 | 0.003 to 0.05 |
 //! | share that is mesophyll | - | 0.8 | 0.5 | 0 to 1 |
@@ -15,7 +15,8 @@
 //! | cellulose | g/cm3 | 0 | 0.03776 | >= 0 |
 //! | lignin | g/cm3 | 0.05925 | 0.01074 | >= 0 |
 //!
-//! Compositions: LOPEX leaves 0141/0142 (soybean) and 0219/0220 (maize) as the authors' group uses them.
+//! Compositions: LOPEX leaves 0141/0142 (maize) and 0219/0220 (soybean) as the authors' group uses them: their programs show
+//! the two-sided model with the latter and the one-sided model with the former.
 //!
 //! From the adaxial face down; an aspect ratio is the exponent of the lobe about the ray [eq. 5 of 1997]:
 //!

@@ -64,8 +64,8 @@ pub struct Specimen {
 }
 
 impl Specimen {
-    /// Returns the soybean leaf LOPEX 0141/0142.
-    pub fn soybean() -> Specimen {
+    /// Returns the maize leaf LOPEX 0141/0142.
+    pub fn maize() -> Specimen {
         Specimen {
             thickness: Centimetres(2.04e-2),
             mesophyll_share: 0.8,
@@ -81,8 +81,8 @@ impl Specimen {
         }
     }
 
-    /// Returns the maize leaf LOPEX 0219/0220.
-    pub fn maize() -> Specimen {
+    /// Returns the soybean leaf LOPEX 0219/0220.
+    pub fn soybean() -> Specimen {
         Specimen {
             thickness: Centimetres(1.66e-2),
             mesophyll_share: 0.5,

@@ -6,7 +6,7 @@ use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use crate::leaf_trade::delta_e00_linear;
+use crate::leaf::trade::delta_e00_linear;
 use btf_synth::{
     Abm97, Abm97Switches, AbmB, AbmU, Diffuse, Estimate, Face, Goniophotometer, Method, Nanometres, Parallel, Passage,
     PathRule, Rays, RgbBands, RgbFromSpectrum, ScatterTable, Spectrophotometer, States, Tissue, trace_path_lengths,

@@ -5,7 +5,7 @@
 //!
 //! Times are of one thread and of this run: compare them with each other.
 
-use crate::leaf_trade::{Spread, delta_e00_linear};
+use crate::leaf::trade::{Spread, delta_e00_linear};
 use btf_runtime::testing::Random;
 use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf};
 use btf_synth::{

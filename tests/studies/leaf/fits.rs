@@ -4,8 +4,8 @@
 //! for a spectrum: from 31 the one whose loss costs least is left out again and again, the others' shares of red, green
 //! and blue fitted to the colours of random leaves, each channel's sum held at 1.
 
-use crate::leaf_live::{random_states, reference_spectra};
-use crate::leaf_trade::{Spread, delta_e00_linear};
+use crate::leaf::live::{random_states, reference_spectra};
+use crate::leaf::trade::{Spread, delta_e00_linear};
 use btf_synth::{RgbBands, RgbFromSpectrum, diffuse_transmission};
 use std::error::Error;
 
