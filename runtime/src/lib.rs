@@ -84,7 +84,7 @@ pub use leaf::error::LeafError;
 pub use leaf::figures::{LEAF_ROWS, LeafRow};
 pub use leaf::leaf::Leaf;
 pub use leaf::optics::{LeafSpectrumRow, leaf_body_spectrum, leaf_spectrum};
-pub use leaf::state::{LEAF_QUANTITIES, LeafMode, LeafQuantity, LeafState};
+pub use leaf::state::{LEAF_QUANTITIES, LeafMode, LeafQuantity, LeafState, TwoHalves};
 pub use leaf::texture::{LeafTexel, LeafTexture, MAX_FACTOR, MAX_LEAF_SIDE};
 pub use leaf::viewed::ViewedLeaf;
 pub use levels::levels::with_levels;

@@ -12,6 +12,7 @@ pub use crate::decode::parallax::{
 pub use crate::decode::relief::{GLOSS_ALPHA, GLOSS_NORMAL, MIN_BEYOND, MIN_COS_EYE, NORMAL_SHARE, SHADOW_EDGE};
 pub use crate::decode::sample::{COSINE_SHARE, MIN_AXIS, MIN_FACET_COS, MIN_FRESNEL};
 pub use crate::decode::viewed_texel::LIGHT_ROWS;
+pub use crate::leaf::body::MIN_BETWEEN;
 pub use crate::leaf::lobe::{LEAF_MIN_HALF, MAX_EXPONENT, MIN_FACET};
 pub use crate::leaf::texture::FACTOR_ONE;
 pub use crate::leaf::theta::{MAX_ABSORPTION, THETA_P, THETA_Q};

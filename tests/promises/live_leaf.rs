@@ -3,10 +3,13 @@
 use btf_runtime::testing::{BAND_SHARES, THREE_ROWS, rational_theta, three_piece_theta};
 use btf_runtime::{LEAF_ROWS, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf, leaf_spectrum};
 use btf_synth::{
-    CookTorrance, GlossParams, LeafContents, LobeAngles, PROSPECT_CONE_DEG, PlateBody, PlateModel, RgbBands,
-    SpecificAbsorption, ThetaForm, mean_interface_transmittance, plate_spectrum, vein_frame,
+    CookTorrance, Face, GlossParams, LeafContents, LobeAngles, PROSPECT_CONE_DEG, PlateBody, PlateModel, RgbBands,
+    SpecificAbsorption, ThetaForm, TwoHalves, mean_interface_transmittance, plate_spectrum, two_sided_spectrum,
+    vein_frame,
 };
-use btf_tests::leaf::live::{body_colours, contents_of, random_states, reference_colours};
+use btf_tests::leaf::live::{
+    back_colour, body_colours, contents_of, random_states, reference_colours, two_sided_reference,
+};
 use btf_tests::leaf::trade::{Spread, delta_e00_linear};
 
 /// Returns the absorption of one unit of each content in the tables.
@@ -87,6 +90,34 @@ fn spectra_of_every_mode_are_the_reference_models() {
         // Planted: another model.
         assert!(spectral_error(&rational, PlateModel::Paper, 0.0) > 1e-3, "{state:?}");
     }
+}
+
+#[test]
+fn two_halves_have_the_colours_of_the_reference_from_both_faces() {
+    let (mut worst, mut planted) = (0f64, 0f64);
+    for state in random_states(17, 200) {
+        let state = LeafState { mode: LeafMode::TwoSided, ..state };
+        let [front, back, behind] = two_sided_reference(&state);
+        let live = body_colours(&state, [1.0; 4]);
+        let seen_back = back_colour(&state, [1.0; 4]);
+        for (live, reference) in [(live[0], front), (seen_back, back), (live[1], behind)] {
+            worst = worst.max(delta_e00_linear(live, reference));
+        }
+        // The spectrum that the panel draws is that of the upper face.
+        let spectrum = leaf_spectrum(&state);
+        let nm: Vec<f64> = spectrum.iter().map(|row| f64::from(row.wavelength_nm)).collect();
+        let (halves, table) = (TwoHalves::default(), SpecificAbsorption::ProspectD);
+        let expected =
+            two_sided_spectrum(&halves, table, &contents_of(&state), PROSPECT_CONE_DEG, Face::Adaxial, &nm).unwrap();
+        for (row, expected) in spectrum.iter().zip(expected) {
+            assert!((f64::from(row.reflectance) - expected.reflectance).abs() < 2e-6, "{state:?}");
+            assert!((f64::from(row.transmittance) - expected.transmittance).abs() < 2e-6, "{state:?}");
+        }
+        // Planted: a leaf whose faces are alike.
+        let alike = LeafState { mode: LeafMode::NLayers, ..state };
+        planted = planted.max(delta_e00_linear(back_colour(&alike, [1.0; 4]), back));
+    }
+    assert!(worst < 0.35 && planted > 3.0, "{worst} {planted}");
 }
 
 #[test]

@@ -3,11 +3,13 @@
 use crate::leaf::error::LeafError;
 use crate::leaf::figures::{BAND_SHARES, LEAF_BANDS, LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
 use crate::leaf::gloss::albedo_table;
-use crate::leaf::optics::{Faces, absorption, n_plates};
-use crate::leaf::state::{LeafMode, LeafState};
+use crate::leaf::optics::{Faces, absorption, n_plates, plates_in_air};
+use crate::leaf::state::{LeafMode, LeafState, TwoHalves};
 use crate::leaf::texture::LeafTexture;
 use crate::leaf::theta::exact_theta;
-use crate::leaf::words::{ALBEDO_AT, BANDS_AT, LEAF_MAGIC, LEVELS_AT, STATE_AT, TABLE_AT, TABLE_ENTRIES, TABLE_HALF};
+use crate::leaf::words::{
+    ALBEDO_AT, BANDS_AT, HALVES_AT, LEAF_MAGIC, LEVELS_AT, STATE_AT, TABLE_AT, TABLE_ENTRIES, TABLE_HALF,
+};
 use std::ops::Range;
 
 /// Largest absorption of a layer; theta is 0 long before.
@@ -102,24 +104,45 @@ fn state_words(state: &LeafState, (albedo, mean_albedo): (Vec<u32>, u32)) -> Vec
     let bands: Vec<(LeafRow, [f32; 3])> = match mode {
         LeafMode::ThreePiece => PRINTED_ROWS.into_iter().zip(ONE_EACH).collect(),
         LeafMode::Rational => THREE_ROWS.into_iter().zip(ONE_EACH).collect(),
-        LeafMode::NLayers => BAND_SHARES.iter().filter_map(|(nm, shares)| Some((row_at(*nm)?, *shares))).collect(),
+        LeafMode::NLayers | LeafMode::TwoSided => {
+            BAND_SHARES.iter().filter_map(|(nm, shares)| Some((row_at(*nm)?, *shares))).collect()
+        }
     };
     let gloss = [state.gloss_index, state.gamma_along, state.gamma_across].map(f32::to_bits);
     let mut words = vec![mode as u32, bands.len() as u32, gloss[0], gloss[1], gloss[2], mean_albedo];
+    words.resize(HALVES_AT - STATE_AT, 0);
+    let halves = TwoHalves::BROAD_LEAF.of_layers();
+    if mode == LeafMode::TwoSided {
+        words.extend(halves.iter().flat_map(|half| [half[1], half[2]]).map(|ratio| (ratio as f32).to_bits()));
+    }
     words.resize(BANDS_AT - STATE_AT, 0);
     for (row, shares) in &bands {
         // Brown pigment and anthocyanins share a factor, and so do water and dry matter, which have none.
         let per_layer =
             |contents: Range<usize>| (absorption(row, &state, contents) / f64::from(state.structure)).min(MAX_K) as f32;
         let parts = [0..1, 1..2, 2..4, 4..6].map(per_layer);
-        let exit = Faces::new(row.index).exit as f32;
-        words.extend(parts.iter().chain(shares).chain([&exit]).map(|x| x.to_bits()));
+        let faces = Faces::new(row.index);
+        let passes = if mode == LeafMode::TwoSided { faces.entry } else { faces.exit } as f32;
+        words.extend(parts.iter().chain(shares).chain([&passes]).map(|x| x.to_bits()));
     }
     words.resize(ALBEDO_AT - STATE_AT, 0);
     words.extend(albedo);
-    for (nm, _) in BAND_SHARES {
-        words.extend(row_at(nm).into_iter().flat_map(|row| layers_table(&row, f64::from(state.structure))));
+    let structure = f64::from(state.structure);
+    let mut tables = |of: &dyn Fn(f64, Faces) -> [f64; 2]| {
+        for row in BAND_SHARES.iter().filter_map(|(nm, _)| row_at(*nm)) {
+            let faces = Faces::new(row.index);
+            words.extend(table(|theta| of(theta, faces)));
+        }
+    };
+    match mode {
+        LeafMode::TwoSided => {
+            for [share, ..] in halves {
+                tables(&|theta, faces| plates_in_air(theta, faces, share * structure));
+            }
+        }
+        _ => tables(&|theta, faces| n_plates(theta, faces, structure)),
     }
+    words.resize(LEVELS_AT - STATE_AT, 0);
     words
 }
 
@@ -128,15 +151,14 @@ fn row_at(wavelength_nm: f32) -> Option<LeafRow> {
     LEAF_ROWS.iter().find(|row| row.wavelength_nm == wavelength_nm).copied()
 }
 
-/// Computes a band's table for `layers` layers. Both halves are rounded so that they never add up to more than 1, and
-/// to exactly 1 without absorption.
-fn layers_table(row: &LeafRow, layers: f64) -> Vec<u32> {
-    let faces = Faces::new(row.index);
+/// Computes a band's table of reflectance and transmittance, which `of` returns for the transmission theta of a layer. Both are
+/// rounded so that they never add up to more than 1, and to exactly 1 without absorption.
+fn table(of: impl Fn(f64) -> [f64; 2]) -> Vec<u32> {
     (0..TABLE_ENTRIES)
         .map(|i| {
             let u = i as f64 / (TABLE_ENTRIES - 1) as f64;
             let k = f64::from(TABLE_HALF) * u / (1.0 - u);
-            let [front, behind] = n_plates(exact_theta(k), faces, layers);
+            let [front, behind] = of(exact_theta(k));
             let front = (front * 65535.0).round();
             let behind = (behind * 65535.0).round().min(65535.0 - front);
             front as u32 | (behind as u32) << 16
@@ -163,6 +185,7 @@ mod tests {
             LeafState { structure: 2.0, ..state },
             LeafState { gamma_along: 0.4, ..state },
             LeafState { mode: LeafMode::Rational, ..state },
+            LeafState { mode: LeafMode::TwoSided, ..state },
             LeafState { mode: LeafMode::ThreePiece, brown: 0.5, gamma_across: 0.1, ..state },
         ];
         for state in steps {
@@ -173,7 +196,7 @@ mod tests {
             let elsewhere = |words: &[u32]| [&words[..touched.start], &words[touched.end..]].concat();
             assert_eq!(elsewhere(&before), elsewhere(leaf.words()));
         }
-        assert!(leaf.set_state(&steps[3]).unwrap().is_empty());
+        assert!(leaf.set_state(&steps[4]).unwrap().is_empty());
         let before = leaf.clone();
         assert!(leaf.set_state(&LeafState { water_cm: f32::NAN, ..state }).is_err());
         assert_eq!(leaf, before);
@@ -183,11 +206,14 @@ mod tests {
     fn tables_lose_no_light_and_make_none() {
         for row in LEAF_ROWS {
             for layers in [1.0, 1.5, 3.0, 40.0] {
-                let table = layers_table(&row, layers);
+                let faces = Faces::new(row.index);
                 let sum = |word: &u32| (word & 0xffff) + (word >> 16);
-                assert_eq!(sum(&table[0]), 65535);
-                assert!(table.iter().all(|word| sum(word) <= 65535));
-                assert_eq!(table[TABLE_ENTRIES - 1], 0);
+                let whole = table(|theta| n_plates(theta, faces, layers));
+                assert_eq!(whole[TABLE_ENTRIES - 1], 0);
+                for table in [whole, table(|theta| plates_in_air(theta, faces, 0.1 * layers))] {
+                    assert_eq!(sum(&table[0]), 65535);
+                    assert!(table.iter().all(|word| sum(word) <= 65535));
+                }
             }
         }
     }

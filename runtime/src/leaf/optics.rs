@@ -7,7 +7,7 @@
 use crate::leaf::body::printed_plate;
 use crate::leaf::figures::{LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
 use crate::leaf::lobe::fresnel;
-use crate::leaf::state::{LeafMode, LeafState};
+use crate::leaf::state::{LeafMode, LeafState, TwoHalves};
 use crate::leaf::theta::{exact_theta, rational_theta, three_piece_theta};
 use std::ops::Range;
 
@@ -60,12 +60,33 @@ pub(crate) fn one_plate(theta: f64, exit: f64) -> [f64; 2] {
 /// lit from the air, above a pile of the others [Stokes 1862; Jacquemoud 1990].
 pub(crate) fn n_plates(theta: f64, faces: Faces, structure: f64) -> [f64; 2] {
     let [front, behind] = one_plate(theta, faces.exit);
-    // One layer under diffuse light from the air; what it absorbs is not taken as 1 - r - t, which loses its digits.
     let (r, t) = (1.0 - faces.entry + faces.entry * front, faces.entry * behind);
-    let absorbed = faces.entry * (1.0 - theta) / (1.0 - (1.0 - faces.exit) * theta);
-    let [below, through] = pile(r, t, absorbed, structure - 1.0);
+    let [below, through] = plates_in_air(theta, faces, structure - 1.0);
     let between = behind / (1.0 - below * r);
     [front + between * below * t, between * through]
+}
+
+/// Returns reflectance and transmittance of `count` plates of `theta` under diffuse light from the air [Stokes 1862].
+pub(crate) fn plates_in_air(theta: f64, faces: Faces, count: f64) -> [f64; 2] {
+    let [front, behind] = one_plate(theta, faces.exit);
+    // What a layer absorbs is not taken as 1 - r - t, which loses its digits.
+    let absorbed = faces.entry * (1.0 - theta) / (1.0 - (1.0 - faces.exit) * theta);
+    pile(1.0 - faces.entry + faces.entry * front, faces.entry * behind, absorbed, count)
+}
+
+/// Returns reflectance of the upper and of the lower face and transmittance of two halves, whose absorptions of a layer of the
+/// whole leaf are `pigments` and `body`, as shares of the light that entered.
+pub(crate) fn two_halves(halves: TwoHalves, pigments: f64, body: f64, faces: Faces, structure: f64) -> [f64; 3] {
+    let ratios = halves.of_layers();
+    let [upper, lower] = [0, 1].map(|half| {
+        let [count, of_pigments, of_body] = ratios[half];
+        plates_in_air(exact_theta(of_pigments * pigments + of_body * body), faces, count * structure)
+    });
+    let between = 1.0 / (1.0 - upper[0] * lower[0]);
+    let front = upper[0] + upper[1] * upper[1] * lower[0] * between;
+    let back = lower[0] + lower[1] * lower[1] * upper[0] * between;
+    let entered = |reflected: f64| ((reflected - (1.0 - faces.entry)) / faces.entry).max(0.0);
+    [entered(front), entered(back), upper[1] * lower[1] * between / faces.entry]
 }
 
 /// Returns reflectance and transmittance of `count` layers that reflect `r`, transmit `t` and absorb `absorbed`.
@@ -84,6 +105,14 @@ fn pile(r: f64, t: f64, absorbed: f64, count: f64) -> [f64; 2] {
     let g2_less = g_less * (2.0 - g_less);
     let denominator = g2_less + power2_less - g2_less * power2_less;
     [(1.0 - g_less) * power2_less / denominator, power * g2_less / denominator]
+}
+
+/// Returns reflectance and transmittance of [`TwoHalves::BROAD_LEAF`] with the contents of `state`, lit on the upper face.
+fn broad_leaf(row: &LeafRow, state: &LeafState, faces: Faces) -> [f64; 2] {
+    let layers = f64::from(state.structure);
+    let [pigments, body] = [0..4, 4..6].map(|contents| absorption(row, state, contents) / layers);
+    let [front, _, behind] = two_halves(TwoHalves::BROAD_LEAF, pigments, body, faces, layers);
+    [front, behind]
 }
 
 /// Sums `K C` of a whole leaf over some of its contents, which are numbers of [`LeafState::contents`].
@@ -105,7 +134,8 @@ pub struct LeafSpectrumRow {
 
 /// Returns reflectance and transmittance by wavelength of a leaf without textures, as shares of the incident light
 /// including the surface's own reflection, for a plot. They are computed by the state's mode: N layers give 400 to 780
-/// nm every 10 nm under a cone of 40 degrees, the others red, green and blue lit along the normal. Costs 514 Fresnel
+/// nm every 10 nm under a cone of 40 degrees, the others red, green and blue lit along the normal. Two halves
+/// are lit on their upper face. Costs 514 Fresnel
 /// terms a row. Finite for every finite state.
 pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let state = state.evaluable();
@@ -113,7 +143,7 @@ pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let (rows, cone_deg): (&[LeafRow], f64) = match state.mode {
         LeafMode::ThreePiece => (&PRINTED_ROWS, 0.0),
         LeafMode::Rational => (&THREE_ROWS, 0.0),
-        LeafMode::NLayers => (&LEAF_ROWS, CONE_DEG),
+        LeafMode::NLayers | LeafMode::TwoSided => (&LEAF_ROWS, CONE_DEG),
     };
     let of_row = |row: &LeafRow| {
         let k = absorption(row, &state, 0..6) / layers;
@@ -123,6 +153,7 @@ pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
             LeafMode::ThreePiece => return printed_plate(three_piece_theta(k as f32)),
             LeafMode::Rational => one_plate(f64::from(rational_theta(k as f32)), faces.exit),
             LeafMode::NLayers => n_plates(exact_theta(k), faces, layers),
+            LeafMode::TwoSided => broad_leaf(row, &state, faces),
         };
         [(1.0 - entering + entering * front) as f32, (entering * behind) as f32]
     };
@@ -134,14 +165,19 @@ pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
         .collect()
 }
 
-/// Returns reflectance and transmittance of the body alone, as shares of the light that has entered, over the spectrum
-/// and by N layers for every mode: the reference for the errors of the modes. Otherwise like [`leaf_spectrum`].
+/// Returns reflectance and transmittance of the body alone, as shares of the light that has entered, over the spectrum: by two
+/// halves where the mode has them, lit on the upper face, and by N layers for every other mode. It is the reference for the
+/// errors of the modes. Otherwise like [`leaf_spectrum`].
 pub fn leaf_body_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let state = state.evaluable();
     let layers = f64::from(state.structure);
     let of_row = |row: &LeafRow| {
-        let theta = exact_theta(absorption(row, &state, 0..6) / layers);
-        let [reflectance, transmittance] = n_plates(theta, Faces::new(row.index), layers).map(|share| share as f32);
+        let faces = Faces::new(row.index);
+        let [reflectance, transmittance] = match state.mode {
+            LeafMode::TwoSided => broad_leaf(row, &state, faces),
+            _ => n_plates(exact_theta(absorption(row, &state, 0..6) / layers), faces, layers),
+        }
+        .map(|share| share as f32);
         LeafSpectrumRow { wavelength_nm: row.wavelength_nm, reflectance, transmittance }
     };
     LEAF_ROWS.iter().map(of_row).collect()

@@ -17,18 +17,46 @@ pub enum LeafMode {
     /// N plates, PROSPECT-D, over the spectrum [Jacquemoud 1990; Feret 2017].
     #[default]
     NLayers = 2,
+    /// Two unequal piles of plates over the spectrum, [`TwoHalves::BROAD_LEAF`], so that the back is paler than the front.
+    TwoSided = 3,
+}
+
+/// How layers and contents of a leaf of [`LeafMode::TwoSided`] divide between its upper half, palisade tissue, and its lower
+/// one, spongy tissue.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TwoHalves {
+    /// Share of the layers that is palisade.
+    pub layers: f64,
+    /// Share of the pigments that is in them.
+    pub pigments: f64,
+    /// Share of water and dry matter that is in them.
+    pub body: f64,
+}
+
+impl TwoHalves {
+    /// Halves that fit 66 leaves of oak, birch and goldenrod, seen from both faces, best [Noda 2013]
+    /// (docs/results/leaf-optics.md).
+    pub const BROAD_LEAF: TwoHalves = TwoHalves { layers: 0.9, pigments: 0.99, body: 0.95 };
+
+    /// Returns for the upper and the lower half: its share of the layers, and how much more of the pigments, and of water and dry
+    /// matter, one of them holds than a layer of the whole leaf.
+    pub(crate) fn of_layers(self) -> [[f64; 3]; 2] {
+        let half = |layers: f64, pigments: f64, body: f64| [layers, pigments / layers, body / layers];
+        [half(self.layers, self.pigments, self.body), half(1.0 - self.layers, 1.0 - self.pigments, 1.0 - self.body)]
+    }
 }
 
 impl LeafMode {
     /// All modes, by number.
-    pub const ALL: [LeafMode; 3] = [LeafMode::ThreePiece, LeafMode::Rational, LeafMode::NLayers];
+    pub const ALL: [LeafMode; 4] = [LeafMode::ThreePiece, LeafMode::Rational, LeafMode::NLayers, LeafMode::TwoSided];
 
-    /// Returns the mode's name: `three-piece`, `rational` or `n-layers`.
+    /// Returns the mode's name: `three-piece`, `rational`, `n-layers` or `two-sided`.
     pub fn name(self) -> &'static str {
         match self {
             LeafMode::ThreePiece => "three-piece",
             LeafMode::Rational => "rational",
             LeafMode::NLayers => "n-layers",
+            LeafMode::TwoSided => "two-sided",
         }
     }
 }

@@ -98,7 +98,8 @@ impl<'a> ViewedLeaf<'a> {
         let out = (1.0 - lost) / lets_out[0];
         let hidden = [seen, far].map(|face| 0.5 - 0.5 * face.normal[2]);
         let held = body(words, [0, 1, 2, 3].map(|i| texel.factors[i] * factors[i]));
-        let LeafBody { reflectance, transmittance } = between_faces(held, lets_out, hidden);
+        let held = if side < 0.0 { held.turned() } else { held };
+        let LeafBody { reflectance, transmittance, .. } = between_faces(held, lets_out, hidden);
         let (reflected, transmitted) = (reflectance.map(|c| c * out), transmittance.map(|c| c * out));
         let shares = [dot(LUMINANCE, reflected), dot(LUMINANCE, transmitted), lost].map(|x| x.max(MIN_SHARE));
         let total: f32 = shares.iter().sum();
@@ -217,7 +218,7 @@ mod tests {
 
     #[test]
     fn a_leaf_that_absorbs_nothing_is_invisible_under_a_white_sky() {
-        for mode in [LeafMode::NLayers, LeafMode::Rational] {
+        for mode in [LeafMode::NLayers, LeafMode::TwoSided, LeafMode::Rational] {
             for structure in [1.0, 1.5, 3.0] {
                 for gammas in [[0.3, 0.3], [0.5, 0.2]] {
                     let [gamma_along, gamma_across] = gammas;

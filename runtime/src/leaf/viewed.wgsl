@@ -66,7 +66,11 @@ fn leaf_new(base: u32, uv: vec2<f32>, level: u32, factors: vec4<f32>, eye: vec3<
     let lets_out = 1.0 - lobe.mean_albedo * vec2<f32>(seen.gloss, far.gloss);
     let passes = (1.0 - lost) / lets_out.x;
     let hidden = 0.5 - 0.5 * vec2<f32>(seen.normal.z, far.normal.z);
-    let body = leaf_between_faces(leaf_body(base, texel.factors * factors), lets_out, hidden);
+    var held = leaf_body(base, texel.factors * factors);
+    if eye.z < 0.0 {
+        held = leaf_body_turned(held);
+    }
+    let body = leaf_between_faces(held, lets_out, hidden);
     let reflected = body.reflectance * passes;
     let transmitted = body.transmittance * passes;
     let shares = max(

@@ -6,9 +6,11 @@
 //! | 1, 2, 3 | levels, texels in a row of level 0, its rows |
 //! | 4, 5 | mode, bands in use |
 //! | 6 to 9 | gloss: index, roughness along and across the veins, mean directional albedo |
-//! | [`BANDS_AT`] | the bands of `BAND_SHARES`, [`BAND_WORDS`] each: absorption per layer by chlorophyll, by carotenoids, by brown pigment and anthocyanins, by all else; shares of red, green and blue; transmittance of the interface from inside |
+//! | [`HALVES_AT`] | how much more of the pigments a layer of the upper half holds than one of the whole leaf, of water and dry matter; the same of the lower half |
+//! | [`BANDS_AT`] | the bands of `BAND_SHARES`, [`BAND_WORDS`] each: absorption per layer by chlorophyll, by carotenoids, by brown pigment and anthocyanins, by all else; shares of red, green and blue; transmittance of the interface from inside, for two halves from outside |
 //! | [`ALBEDO_AT`] | directional albedo of the gloss, [`ALBEDO_ROWS`] x [`ALBEDO_COLUMNS`] |
-//! | [`TABLE_AT`] | a table for each band, [`TABLE_ENTRIES`] entries: reflectance (low half) and transmittance (high half) in 1/65535 |
+//! | [`TABLE_AT`] | a table for each band, [`TABLE_ENTRIES`] entries: reflectance (low half) and transmittance (high half) in 1/65535, of the light that entered; for two halves of the upper half's pile in the air |
+//! | [`LOWER_TABLE_AT`] | the same of the lower half's pile; 0 in other modes |
 //! | [`LEVELS_AT`] | first word of each level |
 //! | [`TEXELS_AT`] | texels, four words each, level after level, the top row first |
 //!
@@ -21,6 +23,8 @@ use crate::leaf::figures::LEAF_BANDS;
 pub const LEAF_MAGIC: u32 = u32::from_le_bytes(*b"LEAF");
 /// First word of the state.
 pub const STATE_AT: usize = 4;
+/// First word of what the layers of two halves hold.
+pub const HALVES_AT: usize = 10;
 /// First word of the bands.
 pub const BANDS_AT: usize = 16;
 /// Number of words of a band.
@@ -38,8 +42,10 @@ pub const TABLE_AT: usize = ALBEDO_AT + ALBEDO_ROWS * ALBEDO_COLUMNS;
 pub const TABLE_ENTRIES: usize = 65;
 /// Absorption at the middle of a table.
 pub const TABLE_HALF: f32 = 0.5;
+/// First word of the tables of the lower half.
+pub const LOWER_TABLE_AT: usize = TABLE_AT + LEAF_BANDS * TABLE_ENTRIES;
 /// First word of the levels' offsets.
-pub const LEVELS_AT: usize = TABLE_AT + LEAF_BANDS * TABLE_ENTRIES;
+pub const LEVELS_AT: usize = LOWER_TABLE_AT + LEAF_BANDS * TABLE_ENTRIES;
 /// Largest number of levels.
 pub const MAX_LEAF_LEVELS: usize = 16;
 /// First word of the texels.

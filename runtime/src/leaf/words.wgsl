@@ -1,5 +1,6 @@
 // The layout of a leaf's words, counted from its first. Twin: leaf/words.rs, which has the contents.
 
+const LEAF_HALVES_AT: u32 = 10u;
 const LEAF_BANDS_AT: u32 = 16u;
 const LEAF_BAND_WORDS: u32 = 8u;
 const LEAF_ALBEDO_AT: u32 = 112u;
@@ -8,7 +9,8 @@ const LEAF_ALBEDO_COLUMNS: u32 = 9u;
 const LEAF_TABLE_AT: u32 = 697u;
 const LEAF_TABLE_ENTRIES: u32 = 65u;
 const LEAF_TABLE_HALF: f32 = 0.5;
-const LEAF_LEVELS_AT: u32 = 1477u;
+const LEAF_LOWER_TABLE_AT: u32 = 1477u;
+const LEAF_LEVELS_AT: u32 = 2257u;
 const LEAF_TEXEL_WORDS: u32 = 4u;
 
 // Returns the number of texels in a row of the finest level, and of its rows.

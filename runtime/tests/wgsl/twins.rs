@@ -126,17 +126,20 @@ fn decoder() -> [Constants; 3] {
 /// Returns the constants of leaves.
 fn leaf() -> [Constants; 3] {
     let words = of_words(&[
+        ("LEAF_HALVES_AT", leaf_words::HALVES_AT),
         ("LEAF_BANDS_AT", leaf_words::BANDS_AT),
         ("LEAF_BAND_WORDS", leaf_words::BAND_WORDS),
         ("LEAF_ALBEDO_AT", leaf_words::ALBEDO_AT),
         ("LEAF_ALBEDO_ROWS", leaf_words::ALBEDO_ROWS),
         ("LEAF_ALBEDO_COLUMNS", leaf_words::ALBEDO_COLUMNS),
         ("LEAF_TABLE_AT", leaf_words::TABLE_AT),
+        ("LEAF_LOWER_TABLE_AT", leaf_words::LOWER_TABLE_AT),
         ("LEAF_TABLE_ENTRIES", leaf_words::TABLE_ENTRIES),
         ("LEAF_LEVELS_AT", leaf_words::LEVELS_AT),
         ("LEAF_TEXEL_WORDS", leaf_words::TEXEL_WORDS),
         ("LEAF_RATIONAL", LeafMode::Rational as usize),
         ("LEAF_N_LAYERS", LeafMode::NLayers as usize),
+        ("LEAF_TWO_SIDED", LeafMode::TwoSided as usize),
     ]);
     let floats = of_floats(&[
         ("LEAF_TABLE_HALF", leaf_words::TABLE_HALF),
@@ -149,6 +152,7 @@ fn leaf() -> [Constants; 3] {
         ("LEAF_MIN_FACET", MIN_FACET),
         ("LEAF_MIN_HALF", LEAF_MIN_HALF),
         ("LEAF_MAX_EXPONENT", MAX_EXPONENT),
+        ("LEAF_MIN_BETWEEN", MIN_BETWEEN),
         ("LEAF_MIN_EYE", MIN_EYE),
         ("LEAF_MIN_UP", MIN_UP),
         ("LEAF_MIN_SHARE", MIN_SHARE),

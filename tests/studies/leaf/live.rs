@@ -9,8 +9,8 @@ use crate::leaf::trade::{Spread, delta_e00_linear};
 use btf_runtime::testing::Random;
 use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf};
 use btf_synth::{
-    LeafContents, PlateModel, RgbBands, RgbFromSpectrum, SpecificAbsorption, mean_interface_transmittance,
-    plate_spectrum,
+    Face, LeafContents, PlateModel, RgbBands, RgbFromSpectrum, SpecificAbsorption, TwoHalves,
+    mean_interface_transmittance, plate_spectrum,
 };
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -65,6 +65,31 @@ pub fn body_colours(state: &LeafState, factors: [f32; 4]) -> [[f64; 3]; 2] {
     [1.0, -1.0].map(|z| viewed.light([0.0, 0.0, z]).map(f64::from))
 }
 
+/// Linear sRGB of what the live body reflects from its back, like [`body_colours`].
+///
+/// # Panics
+/// For a state that is not finite.
+pub fn back_colour(state: &LeafState, factors: [f32; 4]) -> [f64; 3] {
+    let texel = LeafTexel { factors, gloss: [0.0; 2], ..LeafTexel::default() };
+    let leaf = Leaf::new(state, &LeafTexture::uniform(texel)).expect("the state is finite");
+    ViewedLeaf::new(leaf.words(), [0.5; 2], 0, [1.0; 4], [0.0, 0.0, -1.0]).light([0.0, 0.0, -1.0]).map(f64::from)
+}
+
+/// Colours of the front, of the back and of the transmitted light by the reference's two halves, with the limit of the live leaf.
+pub fn two_sided_reference(state: &LeafState) -> [[f64; 3]; 3] {
+    let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
+    let of = |face: Face| {
+        let at = |nm: &f64| TwoHalves::default().entered(SpecificAbsorption::ProspectD, &contents_of(state), face, *nm);
+        let optics: Vec<_> = convert.wavelengths_nm().iter().map(at).collect();
+        let rgb =
+            |value: fn(&btf_synth::PlateOptics) -> f64| convert.rgb(&optics.iter().map(value).collect::<Vec<_>>());
+        [rgb(|optics| optics.reflectance), rgb(|optics| optics.transmittance)]
+    };
+    let [[front, behind], [back, _]] = [Face::Adaxial, Face::Abaxial].map(of);
+    let scale: [f64; 3] = std::array::from_fn(|c| 1.0 / (front[c].max(back[c]) + behind[c]).max(1.0));
+    [front, back, behind].map(|rgb| std::array::from_fn(|c| rgb[c] * scale[c]))
+}
+
 /// Spectra of the reference's body at 400, 410 ... 700 nm: shares of the light that has entered N layers.
 ///
 /// # Panics
@@ -95,8 +120,8 @@ pub fn limited([front, behind]: [[f64; 3]; 2]) -> [[f64; 3]; 2] {
     [front, behind].map(|rgb| std::array::from_fn(|c| rgb[c] * scale[c]))
 }
 
-/// The three modes of a state.
-pub fn modes_of(state: &LeafState) -> [LeafState; 3] {
+/// The modes of a state.
+pub fn modes_of(state: &LeafState) -> [LeafState; LeafMode::ALL.len()] {
     LeafMode::ALL.map(|mode| LeafState { mode, ..*state })
 }
 
@@ -168,8 +193,15 @@ pub fn run(_: &[String]) -> Result<(), Box<dyn Error>> {
         let mut errors: Vec<f64> = states
             .iter()
             .flat_map(|state| {
-                let (live, reference) = (body_colours(&modes_of(state)[mode], [1.0; 4]), reference_colours(state));
-                [0, 1].map(|side| delta_e00_linear(live[side], reference[side]))
+                let state = modes_of(state)[mode];
+                let live = body_colours(&state, [1.0; 4]);
+                if state.mode == LeafMode::TwoSided {
+                    let [front, back, behind] = two_sided_reference(&state);
+                    let pairs = [(live[0], front), (back_colour(&state, [1.0; 4]), back), (live[1], behind)];
+                    return pairs.map(|(live, reference)| delta_e00_linear(live, reference)).to_vec();
+                }
+                let reference = reference_colours(&state);
+                [0, 1].map(|side| delta_e00_linear(live[side], reference[side])).to_vec()
             })
             .collect();
         errors.sort_by(f64::total_cmp);

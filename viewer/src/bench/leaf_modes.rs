@@ -19,10 +19,10 @@ const LAST_NM: f32 = 700.0;
 /// A mode's row.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LeafModeRow {
-    /// `three-piece`, `rational` or `n-layers`.
+    /// `three-piece`, `rational`, `n-layers` or `two-sided`.
     pub mode: &'static str,
-    /// Mean CIEDE2000 of the body's reflected and transmitted colours against N layers in double precision under 31
-    /// wavelengths, over random leaves from green to brown.
+    /// Mean CIEDE2000 of the body's reflected and transmitted colours against N layers, of `two-sided` against two halves, in double precision
+    /// under 31 wavelengths, over random leaves from green to brown.
     pub delta_e00_mean: f64,
     /// Largest CIEDE2000 over these leaves.
     pub delta_e00_max: f64,
@@ -148,7 +148,7 @@ mod tests {
     fn more_exact_modes_lose_less_and_all_take_time() {
         let rows = leaf_mode_rows().unwrap();
         let names: Vec<_> = rows.iter().map(|row| row.mode).collect();
-        assert_eq!(names, ["three-piece", "rational", "n-layers"]);
+        assert_eq!(names, ["three-piece", "rational", "n-layers", "two-sided"]);
         assert!(rows[2].delta_e00_mean < 0.5 && rows[2].delta_e00_max < 3.0, "{rows:?}");
         assert!(rows[..2].iter().all(|row| row.delta_e00_mean > 4.0 * rows[2].delta_e00_mean), "{rows:?}");
         assert!(

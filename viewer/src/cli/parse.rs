@@ -1,5 +1,14 @@
 //! Parsers of the values of options. Each returns a sentence that says which values are allowed.
 
+use btf_runtime::LeafMode;
+
+pub(super) fn parse_leaf_mode(text: &str) -> Result<LeafMode, String> {
+    LeafMode::ALL
+        .into_iter()
+        .find(|mode| mode.name() == text)
+        .ok_or_else(|| format!("a mode of live leaves is one of {}", LeafMode::ALL.map(LeafMode::name).join(", ")))
+}
+
 pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     sides

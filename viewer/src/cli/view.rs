@@ -1,9 +1,10 @@
 //! `btf-view ASSET ...`: shows assets and leaves on a mesh, or the scene of a file.
 
 use super::assets::load_assets;
-use super::parse::{parse_scale, parse_scale_of_heights};
+use super::parse::{parse_leaf_mode, parse_scale, parse_scale_of_heights};
 use super::scene_options::{PictureArguments, choose_camera, light_scene};
 use super::show::show;
+use btf_runtime::LeafMode;
 use btf_viewer::{MeshChoice, Scene, SceneAsset, SceneLeaf, Shown, ViewerError, load_scene};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,6 +16,9 @@ pub(super) struct ViewArguments {
     /// A leaf that is evaluated live: contents, gloss and textures, as `btf-synth leaf --write-leaf` writes them
     #[arg(long, value_name = "LEAF.toml")]
     pub(super) leaf: Vec<PathBuf>,
+    /// How the bodies of live leaves are evaluated: n-layers, two-sided (a back paler than its front), rational or three-piece
+    #[arg(long, value_name = "MODE", value_parser = parse_leaf_mode)]
+    pub(super) leaf_mode: Option<LeafMode>,
     /// Scene description: meshes, materials, lights, camera
     #[arg(long, value_name = "SCENE.toml", conflicts_with_all = ["mesh", "uv_scale"])]
     pub(super) scene: Option<PathBuf>,
@@ -56,6 +60,16 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
         Some(path) => load_scene(path, shown)?,
         None => Scene::built_in(&mesh, shown, arguments.uv_scale)?,
     };
+    if let Some(mode) = arguments.leaf_mode {
+        if scene.leaves.is_empty() {
+            return Err(ViewerError::Usage(
+                "--leaf-mode needs a live leaf; name one with `--leaf LEAF.toml`, which `btf-synth leaf --write-leaf` writes".into(),
+            ));
+        }
+        for leaf in &mut scene.leaves {
+            leaf.describe(leaf.description.clone(), mode)?;
+        }
+    }
     choose_camera(&mut scene, arguments.camera.unwrap_or(1))?;
     light_scene(&mut scene, &arguments.picture)?;
     if let Some(scale) = arguments.displacement {

@@ -61,7 +61,7 @@ fn leaves(random: &mut Random) -> (Vec<u32>, Vec<u32>) {
                 tilt: std::array::from_fn(|_| 0.4 * signed()),
             })
             .collect();
-        let state = LeafState::from_values(LeafMode::ALL[round % 3], values);
+        let state = LeafState::from_values(LeafMode::ALL[round % LeafMode::ALL.len()], values);
         let leaf = Leaf::new(&state, &LeafTexture { width: 5, texels }).unwrap();
         firsts.push(words.len() as u32);
         words.extend(leaf.words());

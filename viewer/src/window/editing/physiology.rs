@@ -286,6 +286,9 @@ mod tests {
         assert_eq!(green(&scene), seen[0]);
         // What is so already is no change.
         assert_eq!(physiology.reset(&mut scene), None);
+        let settings = LeafSettings { mode: LeafMode::TwoSided, ..physiology.settings(&scene).unwrap() };
+        physiology.set(&mut scene, settings).unwrap();
+        assert!((green(&scene) - seen[0]).abs() > 1e-3, "{} {}", green(&scene), seen[0]);
     }
 
     #[test]

@@ -129,6 +129,7 @@ fn show_seed(ui: &mut egui::Ui, settings: &mut LeafSettings, scene: &Scene) {
 
 fn mode_meaning(mode: LeafMode) -> &'static str {
     match mode {
+        LeafMode::TwoSided => "two unequal piles of plates over the spectrum: a paler back",
         LeafMode::NLayers => "N plates over the spectrum, PROSPECT-D",
         LeafMode::Rational => "one exact plate at 675, 546 and 435 nm",
         LeafMode::ThreePiece => "one plate as Miao et al. print it, misprints and all",

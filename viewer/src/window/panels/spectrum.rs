@@ -40,11 +40,13 @@ fn is_visible(row: &LeafSpectrumRow) -> bool {
     (ENDS_NM[0]..=ENDS_NM[1]).contains(&row.wavelength_nm)
 }
 
-/// Draws the spectrum of a leaf without textures: curves of the N layers, and, where the mode is another one, what that
-/// has at its three wavelengths. Cost: two calls of [`leaf_spectrum`], some 50 microseconds.
+/// Draws the spectrum of a leaf without textures: curves of the N layers, or of two halves, or, where the mode is another
+/// one, what that has at its three wavelengths beside N layers. Cost: two calls of [`leaf_spectrum`], some 50 microseconds.
 pub(crate) fn show_spectrum(ui: &mut egui::Ui, state: &LeafState) {
-    let curve = leaf_spectrum(&LeafState { mode: LeafMode::NLayers, ..*state });
-    let marks = if state.mode == LeafMode::NLayers { Vec::new() } else { leaf_spectrum(state) };
+    let (curve, marks) = match state.mode {
+        LeafMode::NLayers | LeafMode::TwoSided => (leaf_spectrum(state), Vec::new()),
+        _ => (leaf_spectrum(&LeafState { mode: LeafMode::NLayers, ..*state }), leaf_spectrum(state)),
+    };
     let (response, painter) = ui.allocate_painter(vec2(ui.available_width(), HEIGHT), Sense::hover());
     let [left, below] = MARGIN;
     let all = response.rect;
@@ -134,7 +136,9 @@ mod tests {
             let rows = leaf_spectrum(&LeafState { mode, ..LeafState::default() });
             let visible: Vec<f32> = rows.iter().filter(|row| is_visible(row)).map(|row| row.wavelength_nm).collect();
             match mode {
-                LeafMode::NLayers => assert_eq!((visible[0], visible[visible.len() - 1]), (400.0, 700.0)),
+                LeafMode::NLayers | LeafMode::TwoSided => {
+                    assert_eq!((visible[0], visible[visible.len() - 1]), (400.0, 700.0))
+                }
                 _ => assert_eq!(visible, [675.0, 546.0, 435.0]),
             }
         }
