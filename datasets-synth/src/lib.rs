@@ -123,7 +123,7 @@ pub use optics::units::{
     SquareCentimetresPerGram, SquareCentimetresPerMicrogram,
 };
 pub use plants::gltf::LEAF_EXTENSION;
-pub use plants::params::{CanopySize, Form, Ground, MAX_PLANTS, MAX_UNIQUE_TRIANGLES, PlantsParams};
+pub use plants::params::{CanopySize, Form, Ground, Habit, MAX_PLANTS, MAX_UNIQUE_TRIANGLES, PlantsParams};
 pub use plants::script::MAX_SHAPES;
 pub use plants::write::{CANOPY_VARIATION, Existing, PlantsReport, write_plants};
 pub use surface::bounce::{Bounce, BouncedLight};

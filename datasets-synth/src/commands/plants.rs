@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use btf_synth::{
-    CANOPY_VARIATION, CanopySize, Existing, Form, Ground, LeafDescription, PlantsParams, Species, TextureImages,
+    CANOPY_VARIATION, CanopySize, Existing, Form, Ground, Habit, LeafDescription, PlantsParams, Species, TextureImages,
     write_plants,
 };
 use clap::{Args, ValueEnum};
@@ -44,6 +44,12 @@ pub struct PlantsArgs {
     /// [default: maize 35, soybean 30, tree 35, grass 20]
     #[arg(long, value_name = "DEG")]
     leaf_angle_deg: Option<f64>,
+    /// Maize: how its blades stand [default: spreading]
+    #[arg(long, value_enum, conflicts_with_all = ["leaf_angle_deg", "bend"])]
+    habit: Option<HabitName>,
+    /// Maize: how far blades bend (0 to 1.5), 1 as spreading blades do [default: 1]
+    #[arg(long, value_name = "SHARE")]
+    bend: Option<f64>,
     /// Number of plants, in a field as square as rows allow [default: 1]
     #[arg(long, value_parser = whole_number, conflicts_with_all = ["rows", "columns", "triangles"])]
     plants: Option<u64>,
@@ -94,6 +100,16 @@ pub struct PlantsArgs {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
+enum HabitName {
+    /// Blades that arch over: mean inclination 37 degrees
+    Spreading,
+    /// 48 degrees
+    Intermediate,
+    /// Blades that stand up, as modern hybrids have them: 57 degrees
+    Upright,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
 enum FormName {
     /// Binary glTF: meshes and instances
     Mesh,
@@ -104,11 +120,23 @@ enum FormName {
 /// Grows the plants and writes the files.
 pub fn run(args: &PlantsArgs) -> Result<(), Failure> {
     let species = Species::from(args.species);
-    let preset = PlantsParams::of(species);
+    if species != Species::Maize && (args.habit.is_some() || args.bend.is_some()) {
+        return Err(Failure::Usage("--habit and --bend are those of maize; other species take --leaf-angle-deg".into()));
+    }
+    let mut preset = PlantsParams::of(species);
+    if let Some(habit) = args.habit {
+        let habit = match habit {
+            HabitName::Spreading => Habit::Spreading,
+            HabitName::Intermediate => Habit::Intermediate,
+            HabitName::Upright => Habit::Upright,
+        };
+        (preset.leaf_angle_deg, preset.bend) = habit.blades();
+    }
     let count = |number: u64| usize::try_from(number).unwrap_or(usize::MAX);
     let params = PlantsParams {
         stage: args.stage,
         leaf_angle_deg: args.leaf_angle_deg.unwrap_or(preset.leaf_angle_deg),
+        bend: args.bend.unwrap_or(preset.bend),
         detail: args.detail.unwrap_or(preset.detail),
         variants: args.variants,
         size: match (args.plants, args.rows, args.columns, args.triangles) {
@@ -149,6 +177,7 @@ pub fn run(args: &PlantsArgs) -> Result<(), Failure> {
         "species": species.name(),
         "stage": params.stage,
         "leaf_angle_deg": params.leaf_angle_deg,
+        "bend": params.bend,
         "plants": report.plants,
         "variants": report.variants,
         "triangles_unique": report.triangles_unique,

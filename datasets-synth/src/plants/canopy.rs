@@ -231,6 +231,7 @@ mod tests {
 
     use super::*;
     use crate::plants::blade::Blade;
+    use crate::plants::params::Habit;
     use crate::plants::vec3::{Vec3, length, sub};
     use crate::vector::{cross, dot};
 
@@ -390,6 +391,36 @@ mod tests {
     }
 
     #[test]
+    fn maize_stands_as_steep_as_its_habit_says() {
+        /// Returns the mean inclination of the triangles of blades by area, in degrees.
+        fn mean_inclination(habit: Habit) -> f64 {
+            let (leaf_angle_deg, bend) = habit.blades();
+            let params = PlantsParams { leaf_angle_deg, bend, ..of(Species::Maize) };
+            let (mut sum, mut area) = (0.0, 0.0);
+            for number in 0..8 {
+                let blades = Plant { blades: plant(&params, number).blades, ..Plant::default() };
+                for (_, mesh) in meshes(&blades, params.detail) {
+                    let place = |i: u32| mesh.positions[i as usize].map(f64::from);
+                    for corners in mesh.indices.chunks(3) {
+                        let [a, b, c] = [0, 1, 2].map(|i| place(corners[i]));
+                        let normal = cross(sub(b, a), sub(c, a));
+                        let doubled = length(normal);
+                        if doubled > 0.0 {
+                            sum += doubled * (normal[1].abs() / doubled).min(1.0).acos().to_degrees();
+                            area += doubled;
+                        }
+                    }
+                }
+            }
+            sum / area
+        }
+        for (habit, told) in [(Habit::Spreading, 37.0), (Habit::Intermediate, 48.0), (Habit::Upright, 57.0)] {
+            let found = mean_inclination(habit);
+            assert!((found - told).abs() < 1.0, "{habit:?}: {found}");
+        }
+    }
+
+    #[test]
     fn a_canopy_has_what_is_asked_for() {
         let rows =
             PlantsParams { size: CanopySize::Rows(3, 7), variants: 4, ground: Ground::Soil, ..of(Species::Maize) };
@@ -419,6 +450,7 @@ mod tests {
         for (params, name) in [
             (PlantsParams { stage: 1.1, ..good.clone() }, "--stage is 1.1"),
             (PlantsParams { leaf_angle_deg: f64::NAN, ..good.clone() }, "--leaf-angle-deg"),
+            (PlantsParams { bend: -0.1, ..good.clone() }, "--bend"),
             (PlantsParams { detail: 3, ..good.clone() }, "--detail is 3"),
             (PlantsParams { variants: 0, ..good.clone() }, "--variants is 0"),
             (PlantsParams { spacing_mm: 0.0, ..good.clone() }, "--spacing-mm is 0"),

@@ -30,6 +30,31 @@ pub enum Form {
     Shapes,
 }
 
+/// How far the blades of maize stand from the vertical, as mean inclinations to the horizontal of a full-grown stand.
+///
+/// Published ellipsoidal distributions of maize have x = 0.76 to 2.52 [Campbell 1998, table 15.1], which are means of 62 to 33
+/// degrees [Campbell 1990]; breeding has made blades more upright [Duvick 2005].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Habit {
+    /// Blades that arch over and hang, as single plants and old varieties have them: 37 degrees, x = 2.2.
+    Spreading,
+    /// Between the others: 48 degrees, x = 1.4.
+    Intermediate,
+    /// Blades that stand up, as modern hybrids have them: 57 degrees, x = 0.97.
+    Upright,
+}
+
+impl Habit {
+    /// Returns [`PlantsParams::leaf_angle_deg`] and [`PlantsParams::bend`].
+    pub fn blades(self) -> (f64, f64) {
+        match self {
+            Habit::Spreading => (35.0, 1.0),
+            Habit::Intermediate => (25.0, 0.64),
+            Habit::Upright => (21.0, 0.45),
+        }
+    }
+}
+
 /// Ground below the plants.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ground {
@@ -49,6 +74,8 @@ pub struct PlantsParams {
     /// Mean leaf angle in degrees, 5 to 85. Maize: between stalk and midrib at the collar. Grass: between the vertical
     /// and the blade's base. Others: between the horizontal and the blade.
     pub leaf_angle_deg: f64,
+    /// How far the blades of maize bend, over what the plant's age and the blade's length make of it, 0 to 1.5.
+    pub bend: f64,
     /// Number of triangles of a blade, 4 to 4000; rounded to whole rows.
     pub detail: usize,
     /// Number of different plants, of which the canopy has instances; 1 to 1000, no more than there are plants.
@@ -88,6 +115,7 @@ impl PlantsParams {
             species,
             stage: 1.0,
             leaf_angle_deg,
+            bend: 1.0,
             detail,
             variants: 8,
             size: CanopySize::Plants(1),
@@ -111,6 +139,7 @@ impl PlantsParams {
         check_ranges(&[
             ("--stage", self.stage, 0.0, 1.0),
             ("--leaf-angle-deg", self.leaf_angle_deg, 5.0, 85.0),
+            ("--bend", self.bend, 0.0, 1.5),
             ("--detail", self.detail as f64, 4.0, 4000.0),
             ("--variants", self.variants as f64, 1.0, 1000.0),
             ("--row-spacing-mm", self.row_spacing_mm, 20.0, 100_000.0),
