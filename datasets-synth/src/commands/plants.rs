@@ -121,7 +121,9 @@ enum FormName {
 pub fn run(args: &PlantsArgs) -> Result<(), Failure> {
     let species = Species::from(args.species);
     if species != Species::Maize && (args.habit.is_some() || args.bend.is_some()) {
-        return Err(Failure::Usage("--habit and --bend are those of maize; other species take --leaf-angle-deg".into()));
+        return Err(Failure::Usage(
+            "--habit and --bend are those of maize; other species take --leaf-angle-deg".into(),
+        ));
     }
     let mut preset = PlantsParams::of(species);
     if let Some(habit) = args.habit {
