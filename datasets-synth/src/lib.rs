@@ -57,7 +57,7 @@ mod surface;
 mod vector;
 
 // What a leaf is belongs to whoever makes or lights one.
-pub use btf_models::{Deficiency, LeafContents, LeafDescription, Species, TextureImages};
+pub use btf_models::{Deficiency, LeafContents, LeafDescription, LeafTable, Species, TABLE_GRID, TextureImages};
 pub use cloth::capture::write_cloth_capture;
 pub use cloth::fabric::{Cloth, ClothPair, ClothPoint};
 pub use cloth::fibre::{Fibre, FibreDirection, FibrePair, FibreParams, FibreView};
@@ -81,6 +81,7 @@ pub use leaf::chlorosis::Chlorosis;
 pub use leaf::look::{BladePlace, LeafLook};
 pub use leaf::model::LeafModel;
 pub use leaf::params::LeafParams;
+pub use leaf::table::leaf_table;
 pub use leaf::textures::AppearanceTextures;
 pub use leather::capture::write_leather_capture;
 pub use leather::facets::{FacetDirection, Facets};

@@ -20,6 +20,7 @@ pub use leaf::description::{LeafDescription, PlantVariation};
 pub use leaf::preset::LeafPreset;
 pub use leaf::quantity::{LEAF_QUANTITIES, LeafQuantity};
 pub use leaf::species::{Deficiency, LeafGloss, Species, SpeciesPreset};
+pub use leaf::table::{CLASSES, LeafTable, TABLE_GRID};
 pub use leaf::texture_folder::{TEXTURES_NAME, TextureGrid, TextureImages, write_textures};
 pub use leaf::texture_image::{MAX_TEXTURE_TEXELS, TextureKind};
 pub use mesh::{DiffuseColour, ModelMesh, ModelPart, beside, field_m, gltf_buffers, is_model, open_gltf, read_model};

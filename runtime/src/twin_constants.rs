@@ -16,7 +16,7 @@ pub use crate::leaf::body::MIN_BETWEEN;
 pub use crate::leaf::lobe::{LEAF_MIN_HALF, MAX_EXPONENT, MIN_FACET};
 pub use crate::leaf::texture::FACTOR_ONE;
 pub use crate::leaf::theta::{MAX_ABSORPTION, THETA_P, THETA_Q};
-pub use crate::leaf::viewed::{LUMINANCE, MIN_EYE, MIN_SHARE, MIN_UP};
+pub use crate::leaf::viewed::{LUMINANCE, MIN_EYE, MIN_SHARE, MIN_SINES, MIN_UP};
 pub use crate::leaf::words as leaf_words;
 pub use crate::resident::layout::SPECTRUM;
 pub use crate::resident::packed_part::{PACKED_PLACES, PLACE_WORDS};

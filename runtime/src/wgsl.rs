@@ -49,6 +49,7 @@ pub const LEAF_WGSL: &[(&str, &str)] = &[
     ("leaf_theta.wgsl", include_str!("leaf/theta.wgsl")),
     ("leaf_texture.wgsl", include_str!("leaf/texture.wgsl")),
     ("leaf_body.wgsl", include_str!("leaf/body.wgsl")),
+    ("leaf_scatter.wgsl", include_str!("leaf/scatter.wgsl")),
     ("leaf_lobe.wgsl", include_str!("leaf/lobe.wgsl")),
     ("viewed_leaf.wgsl", include_str!("leaf/viewed.wgsl")),
 ];

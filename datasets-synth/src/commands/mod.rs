@@ -14,6 +14,7 @@ mod leather;
 mod model;
 mod plants;
 mod run_args;
+mod scatter;
 mod spectrum;
 
 use std::process::ExitCode;
@@ -42,6 +43,8 @@ enum Command {
     Spectrum(spectrum::SpectrumArgs),
     /// Measure BRDF and BTDF of a leaf model over the sphere.
     Goniophotometer(goniophotometer::GoniophotometerArgs),
+    /// Trace the table of an algorithmic leaf model, by which btf-view draws the model live.
+    Scatter(scatter::ScatterArgs),
     /// Photograph pebbled leather: grain, creases, pores and finish.
     Leather(leather::LeatherArgs),
     /// Grow maize, soybean, trees or grass: meshes and instances as a glTF file, or a script of shapes.
@@ -59,6 +62,7 @@ pub fn run() -> ExitCode {
         Command::Goniophotometer(args) => goniophotometer::run(&args),
         Command::Leather(args) => leather::run(&args),
         Command::Plants(args) => plants::run(&args),
+        Command::Scatter(args) => scatter::run(&args),
     };
     let (sentence, code) = match result {
         Ok(()) => return ExitCode::SUCCESS,

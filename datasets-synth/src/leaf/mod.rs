@@ -10,6 +10,7 @@ pub(crate) mod patch;
 pub(crate) mod plate_leaf;
 pub(crate) mod relief;
 pub(crate) mod species;
+pub(crate) mod table;
 pub(crate) mod textures;
 pub(crate) mod tissue_leaf;
 pub(crate) mod venation;

@@ -79,7 +79,7 @@ impl TissueLeaf {
 }
 
 /// Returns the wavelengths that tables are traced at: of all channels, or of each.
-fn traced_at(tissue: &dyn Tissue, convert: &RgbFromSpectrum) -> Vec<Nanometres> {
+pub(crate) fn traced_at(tissue: &dyn Tissue, convert: &RgbFromSpectrum) -> Vec<Nanometres> {
     if tissue.has_constant_indices() {
         return vec![TABLE_WAVELENGTH];
     }

@@ -7,6 +7,7 @@ mod description_file;
 pub(crate) mod preset;
 pub(crate) mod quantity;
 pub(crate) mod species;
+pub(crate) mod table;
 pub(crate) mod texture_folder;
 pub(crate) mod texture_image;
 mod tissue_and_gloss;

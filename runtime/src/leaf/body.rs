@@ -22,14 +22,14 @@ pub struct LeafBody {
 
 impl LeafBody {
     /// Returns the body as it is seen from the other face.
-    pub fn turned(self) -> LeafBody {
+    pub fn swapped(self) -> LeafBody {
         LeafBody { reflectance: self.far_reflectance, far_reflectance: self.reflectance, ..self }
     }
 }
 
 /// Returns the absorption of one layer in a band by pigments, and by all else. `factors` are those of
 /// [`crate::LeafTexel::factors`] except for the thickness.
-fn absorption(words: &[u32], band: usize, factors: [f32; 4]) -> [f32; 2] {
+pub(crate) fn absorption(words: &[u32], band: usize, factors: [f32; 4]) -> [f32; 2] {
     let at = BANDS_AT + band * BAND_WORDS;
     let per = |i: usize| f32::from_bits(words[at + i]);
     [factors[0] * per(0) + factors[1] * per(1) + factors[2] * per(2), per(3)]

@@ -16,7 +16,7 @@ struct LeafBody {
 }
 
 // Returns the body as it is seen from the other face.
-fn leaf_body_turned(body: LeafBody) -> LeafBody {
+fn leaf_swapped(body: LeafBody) -> LeafBody {
     return LeafBody(body.far_reflectance, body.reflectance, body.transmittance);
 }
 

@@ -20,6 +20,16 @@ pub enum LeafError {
         /// Unit; empty where there is none.
         unit: &'static str,
     },
+    /// The table of an algorithmic model has another number of cells, or numbers that no table has. Remedy: a table that `btf-synth
+    /// scatter` wrote.
+    #[error("a table of {cells} cells is none of an algorithmic model; make one with `btf-synth scatter`")]
+    Scattering {
+        /// Number of cells found.
+        cells: usize,
+    },
+    /// The mode asks for the table of an algorithmic model, which the leaf does not have. Remedy: a leaf with a table, or another mode.
+    #[error("the leaf has no table of an algorithmic model; make one with `btf-synth scatter`, or choose another mode")]
+    NoTable,
     /// The textures have no texels, more than the words can address, or another number of texels than their sides give.
     #[error(
         "the leaf's textures have {texels} texels for {width} x {height}; give as many as that, at most {most} a side"

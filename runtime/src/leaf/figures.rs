@@ -86,6 +86,10 @@ pub static PRINTED_ROWS: [LeafRow; 3] = [
 /// Number of bands that the N-layer mode sums over.
 pub const LEAF_BANDS: usize = 12;
 
+/// Wavelength of each band in nanometres.
+pub const LEAF_BAND_NM: [f32; LEAF_BANDS] =
+    [420.0, 440.0, 460.0, 480.0, 510.0, 530.0, 550.0, 570.0, 590.0, 610.0, 640.0, 660.0];
+
 /// Wavelength of each band in nanometres, a row of [`LEAF_ROWS`], and the band's share of linear red, green and blue.
 ///
 /// The shares are fitted so that their sum is the colour that 31 wavelengths under D65 give for leaves of any contents

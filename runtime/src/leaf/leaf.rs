@@ -4,11 +4,13 @@ use crate::leaf::error::LeafError;
 use crate::leaf::figures::{BAND_SHARES, LEAF_BANDS, LEAF_ROWS, LeafRow, PRINTED_ROWS, THREE_ROWS};
 use crate::leaf::gloss::albedo_table;
 use crate::leaf::optics::{Faces, absorption, n_plates, plates_in_air};
+use crate::leaf::scatter::LeafScattering;
 use crate::leaf::state::{LeafMode, LeafState, TwoHalves};
 use crate::leaf::texture::LeafTexture;
 use crate::leaf::theta::exact_theta;
 use crate::leaf::words::{
-    ALBEDO_AT, BANDS_AT, HALVES_AT, LEAF_MAGIC, LEVELS_AT, STATE_AT, TABLE_AT, TABLE_ENTRIES, TABLE_HALF,
+    ALBEDO_AT, BANDS_AT, CHANNELS_AT, HALVES_AT, LEAF_MAGIC, LEVELS_AT, SCATTER_AT, STATE_AT, TABLE_AT, TABLE_ENTRIES,
+    TABLE_HALF,
 };
 use std::ops::Range;
 
@@ -23,6 +25,8 @@ const ONE_EACH: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.
 pub struct Leaf {
     state: LeafState,
     words: Vec<u32>,
+    /// Optical depths of the bands of an algorithmic model, where the leaf has its table.
+    depths: Option<[[f32; 3]; LEAF_BANDS]>,
 }
 
 impl Leaf {
@@ -34,12 +38,47 @@ impl Leaf {
     /// [`LeafError::OutOfRange`] for a quantity that is not finite, [`LeafError::Texels`].
     pub fn new(state: &LeafState, texture: &LeafTexture) -> Result<Leaf, LeafError> {
         state.check_finite()?;
+        if state.mode == LeafMode::Tissue {
+            return Err(LeafError::NoTable);
+        }
+        Leaf::laid_out(state, texture, None)
+    }
+
+    /// Lays out a leaf of `state` under `texture`, as [`Leaf::new`], with the table of an algorithmic model: 0.13 MB, or 0.38 MB for
+    /// three channels.
+    ///
+    /// # Errors
+    /// Those of [`Leaf::new`], and [`LeafError::Scattering`].
+    pub fn with_scattering(
+        state: &LeafState,
+        texture: &LeafTexture,
+        scattering: &LeafScattering,
+    ) -> Result<Leaf, LeafError> {
+        state.check_finite()?;
+        Leaf::laid_out(state, texture, Some((scattering, scattering.channels()?)))
+    }
+
+    fn laid_out(
+        state: &LeafState,
+        texture: &LeafTexture,
+        scattering: Option<(&LeafScattering, usize)>,
+    ) -> Result<Leaf, LeafError> {
         let rows = texture.rows()?;
         let (texels, levels) = texture.words(rows);
         let mut words = vec![LEAF_MAGIC, levels, texture.width as u32, rows as u32];
-        words.extend(state_words(state, albedo_words(state)));
+        words.extend(state_words(state, albedo_words(state), scattering.map(|(table, _)| &table.depths)));
         words.extend(texels);
-        Ok(Leaf { state: *state, words })
+        if let Some((table, channels)) = scattering {
+            words[SCATTER_AT] = words.len() as u32;
+            words[CHANNELS_AT] = channels as u32;
+            words.extend(table.words(channels));
+        }
+        Ok(Leaf { state: *state, words, depths: scattering.map(|(table, _)| table.depths) })
+    }
+
+    /// Returns whether the leaf has the table of an algorithmic model, which [`LeafMode::Tissue`] needs.
+    pub fn has_scattering(&self) -> bool {
+        self.depths.is_some()
     }
 
     /// Returns the words, which a renderer copies to its buffer.
@@ -72,15 +111,21 @@ impl Leaf {
     /// contents and structure can change in every frame, two unequal roughnesses cannot.
     ///
     /// # Errors
-    /// [`LeafError::OutOfRange`] for a quantity that is not finite; the leaf then stays as it was.
+    /// [`LeafError::OutOfRange`] for a quantity that is not finite, [`LeafError::NoTable`]; the leaf then stays as it was.
     pub fn set_state(&mut self, state: &LeafState) -> Result<Range<usize>, LeafError> {
         state.check_finite()?;
+        if state.mode == LeafMode::Tissue && self.depths.is_none() {
+            return Err(LeafError::NoTable);
+        }
         let gloss = |state: &LeafState| state.values()[7..].to_vec();
         let albedo = match gloss(state) == gloss(&self.state) {
             true => (self.words[ALBEDO_AT..TABLE_AT].to_vec(), self.words[STATE_AT + 5]),
             false => albedo_words(state),
         };
-        let new = state_words(state, albedo);
+        let mut new = state_words(state, albedo, self.depths.as_ref());
+        for kept in [SCATTER_AT, CHANNELS_AT] {
+            new[kept - STATE_AT] = self.words[kept];
+        }
         let old = &mut self.words[STATE_AT..LEVELS_AT];
         let differs = |i: &usize| old[*i] != new[*i];
         let first = (0..new.len()).find(differs).unwrap_or(0);
@@ -97,14 +142,19 @@ fn albedo_words(state: &LeafState) -> (Vec<u32>, u32) {
     (table.into_iter().map(f32::to_bits).collect(), mean.to_bits())
 }
 
-/// Returns the words from [`STATE_AT`] to [`LEVELS_AT`].
-fn state_words(state: &LeafState, (albedo, mean_albedo): (Vec<u32>, u32)) -> Vec<u32> {
+/// Returns the words from [`STATE_AT`] to [`LEVELS_AT`], but for those of [`SCATTER_AT`] and [`CHANNELS_AT`]. `depths` are those of
+/// an algorithmic model.
+fn state_words(
+    state: &LeafState,
+    (albedo, mean_albedo): (Vec<u32>, u32),
+    depths: Option<&[[f32; 3]; LEAF_BANDS]>,
+) -> Vec<u32> {
     let mode = state.mode;
     let state = state.evaluable();
     let bands: Vec<(LeafRow, [f32; 3])> = match mode {
         LeafMode::ThreePiece => PRINTED_ROWS.into_iter().zip(ONE_EACH).collect(),
         LeafMode::Rational => THREE_ROWS.into_iter().zip(ONE_EACH).collect(),
-        LeafMode::NLayers | LeafMode::TwoSided => {
+        LeafMode::NLayers | LeafMode::TwoSided | LeafMode::Tissue => {
             BAND_SHARES.iter().filter_map(|(nm, shares)| Some((row_at(*nm)?, *shares))).collect()
         }
     };
@@ -116,11 +166,18 @@ fn state_words(state: &LeafState, (albedo, mean_albedo): (Vec<u32>, u32)) -> Vec
         words.extend(halves.iter().flat_map(|half| [half[1], half[2]]).map(|ratio| (ratio as f32).to_bits()));
     }
     words.resize(BANDS_AT - STATE_AT, 0);
-    for (row, shares) in &bands {
+    for (band, (row, shares)) in bands.iter().enumerate() {
         // Brown pigment and anthocyanins share a factor, and so do water and dry matter, which have none.
         let per_layer =
             |contents: Range<usize>| (absorption(row, &state, contents) / f64::from(state.structure)).min(MAX_K) as f32;
-        let parts = [0..1, 1..2, 2..4, 4..6].map(per_layer);
+        let parts = match depths {
+            Some(depths) if mode == LeafMode::Tissue => {
+                let [chlorophyll, carotenoid, rest] = depths[band];
+                let pigments = [chlorophyll * state.chlorophyll_ug_per_cm2, carotenoid * state.carotenoid_ug_per_cm2];
+                [pigments[0], pigments[1], 0.0, rest].map(|depth| depth.min(MAX_K as f32))
+            }
+            _ => [0..1, 1..2, 2..4, 4..6].map(per_layer),
+        };
         let faces = Faces::new(row.index);
         let passes = if mode == LeafMode::TwoSided { faces.entry } else { faces.exit } as f32;
         words.extend(parts.iter().chain(shares).chain([&passes]).map(|x| x.to_bits()));
@@ -171,6 +228,7 @@ const _: () = assert!(BAND_SHARES.len() == LEAF_BANDS);
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::leaf::figures::LEAF_BAND_NM;
     use crate::leaf::texture::LeafTexel;
 
     #[test]
@@ -220,8 +278,8 @@ mod tests {
 
     #[test]
     fn every_band_has_a_row_and_the_shares_of_each_channel_add_up_to_1() {
-        for (nm, _) in BAND_SHARES {
-            assert!(row_at(nm).is_some(), "{nm}");
+        for ((nm, _), told) in BAND_SHARES.into_iter().zip(LEAF_BAND_NM) {
+            assert!(row_at(nm).is_some() && nm == told, "{nm}");
         }
         for channel in 0..3 {
             let sum: f32 = BAND_SHARES.iter().map(|(_, shares)| shares[channel]).sum();

@@ -7,6 +7,7 @@ pub(crate) mod gloss;
 pub(crate) mod leaf;
 pub(crate) mod lobe;
 pub(crate) mod optics;
+pub(crate) mod scatter;
 pub(crate) mod state;
 pub(crate) mod texture;
 pub(crate) mod theta;

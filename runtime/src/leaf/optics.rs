@@ -135,7 +135,7 @@ pub struct LeafSpectrumRow {
 /// Returns reflectance and transmittance by wavelength of a leaf without textures, as shares of the incident light
 /// including the surface's own reflection, for a plot. They are computed by the state's mode: N layers give 400 to 780
 /// nm every 10 nm under a cone of 40 degrees, the others red, green and blue lit along the normal. Two halves
-/// are lit on their upper face. Costs 514 Fresnel
+/// are lit on their upper face, and a tissue has what N layers have. Costs 514 Fresnel
 /// terms a row. Finite for every finite state.
 pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let state = state.evaluable();
@@ -143,7 +143,7 @@ pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
     let (rows, cone_deg): (&[LeafRow], f64) = match state.mode {
         LeafMode::ThreePiece => (&PRINTED_ROWS, 0.0),
         LeafMode::Rational => (&THREE_ROWS, 0.0),
-        LeafMode::NLayers | LeafMode::TwoSided => (&LEAF_ROWS, CONE_DEG),
+        LeafMode::NLayers | LeafMode::TwoSided | LeafMode::Tissue => (&LEAF_ROWS, CONE_DEG),
     };
     let of_row = |row: &LeafRow| {
         let k = absorption(row, &state, 0..6) / layers;
@@ -152,7 +152,7 @@ pub fn leaf_spectrum(state: &LeafState) -> Vec<LeafSpectrumRow> {
         let [front, behind] = match state.mode {
             LeafMode::ThreePiece => return printed_plate(three_piece_theta(k as f32)),
             LeafMode::Rational => one_plate(f64::from(rational_theta(k as f32)), faces.exit),
-            LeafMode::NLayers => n_plates(exact_theta(k), faces, layers),
+            LeafMode::NLayers | LeafMode::Tissue => n_plates(exact_theta(k), faces, layers),
             LeafMode::TwoSided => broad_leaf(row, &state, faces),
         };
         [(1.0 - entering + entering * front) as f32, (entering * behind) as f32]

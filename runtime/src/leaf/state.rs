@@ -19,6 +19,9 @@ pub enum LeafMode {
     NLayers = 2,
     /// Two unequal piles of plates over the spectrum, [`TwoHalves::BROAD_LEAF`], so that the back is paler than the front.
     TwoSided = 3,
+    /// A table of an algorithmic model, [`crate::LeafScattering`], with its own reflection of the surface in place of the gloss.
+    /// The mode has chlorophyll and carotenoids, no other contents.
+    Tissue = 4,
 }
 
 /// How layers and contents of a leaf of [`LeafMode::TwoSided`] divide between its upper half, palisade tissue, and its lower
@@ -47,16 +50,17 @@ impl TwoHalves {
 }
 
 impl LeafMode {
-    /// All modes, by number.
+    /// All modes that need no table, by number.
     pub const ALL: [LeafMode; 4] = [LeafMode::ThreePiece, LeafMode::Rational, LeafMode::NLayers, LeafMode::TwoSided];
 
-    /// Returns the mode's name: `three-piece`, `rational`, `n-layers` or `two-sided`.
+    /// Returns the mode's name: `three-piece`, `rational`, `n-layers`, `two-sided` or `tissue`.
     pub fn name(self) -> &'static str {
         match self {
             LeafMode::ThreePiece => "three-piece",
             LeafMode::Rational => "rational",
             LeafMode::NLayers => "n-layers",
             LeafMode::TwoSided => "two-sided",
+            LeafMode::Tissue => "tissue",
         }
     }
 }

@@ -12,12 +12,17 @@
 use crate::decode::sample::sample_about_z;
 use crate::leaf::body::{LeafBody, between_faces, body};
 use crate::leaf::lobe::{LeafFace, LeafLobe, albedo, lobe, lobe_density, lobe_direction};
+use crate::leaf::scatter::{WayColours, scattered, way_colours, way_totals};
+use crate::leaf::state::LeafMode;
 use crate::leaf::texture::{LeafTexel, texel_at};
+use crate::leaf::words::CLASSES;
 use crate::numeric::vector::{cross, dot};
 use std::f32::consts::PI;
 
 /// Least cosine between a tilted normal and the eye.
 pub const MIN_EYE: f32 = 1e-3;
+/// Least square of the product of two sines whose azimuths have an angle between them.
+pub const MIN_SINES: f32 = 1e-12;
 /// Least square of the z of a normal.
 pub const MIN_UP: f32 = 0.04;
 /// Least probability with which either side of the body and the gloss are drawn.
@@ -41,6 +46,9 @@ pub struct ViewedLeaf<'a> {
     /// one follows.
     reflected: [f32; 3],
     transmitted: [f32; 3],
+    /// Colours of the classes of ways of an algorithmic model, whose table takes the place of body and gloss: from the seen face back,
+    /// and from the far one through the leaf.
+    ways: Option<[WayColours; 2]>,
     /// Probabilities with which the body's two sides and the gloss are drawn.
     shares: [f32; 3],
 }
@@ -66,6 +74,11 @@ fn face(tilt: [f32; 2], veins: [f32; 2], gloss: f32) -> LeafFace {
 /// Returns the share of the light of cosine `cosine` in the direction `w` that a face's gloss reflects.
 fn reflected_by(words: &[u32], gloss: &LeafLobe, face: &LeafFace, cosine: f32, w: [f32; 3]) -> f32 {
     face.gloss * albedo(words, gloss, cosine, [dot(face.along, w), dot(face.across, w)])
+}
+
+/// Returns the cosine of the azimuth between two directions whose sines have the product of squares `squares`.
+fn azimuth(product: f32, squares: f32) -> f32 {
+    if squares > MIN_SINES { product / squares.sqrt() } else { -1.0 }
 }
 
 /// Turns a direction to the frame of the other face.
@@ -97,11 +110,28 @@ impl<'a> ViewedLeaf<'a> {
         let lets_out = [seen, far].map(|face| 1.0 - face.gloss * gloss.mean_albedo);
         let out = (1.0 - lost) / lets_out[0];
         let hidden = [seen, far].map(|face| 0.5 - 0.5 * face.normal[2]);
-        let held = body(words, [0, 1, 2, 3].map(|i| texel.factors[i] * factors[i]));
-        let held = if side < 0.0 { held.turned() } else { held };
-        let LeafBody { reflectance, transmittance, .. } = between_faces(held, lets_out, hidden);
-        let (reflected, transmitted) = (reflectance.map(|c| c * out), transmittance.map(|c| c * out));
-        let shares = [dot(LUMINANCE, reflected), dot(LUMINANCE, transmitted), lost].map(|x| x.max(MIN_SHARE));
+        let factors = [0, 1, 2, 3].map(|i| texel.factors[i] * factors[i]);
+        let is_tissue = words[4] == LeafMode::Tissue as u32;
+        let face = usize::from(side < 0.0);
+        let passages = [(face, 0), (1 - face, 1)];
+        let ways = is_tissue.then(|| passages.map(|(face, side)| way_colours(words, factors, face, side)));
+        let (reflected, transmitted, shine) = match &ways {
+            Some(ways) => {
+                let totals = passages.map(|(face, side)| way_totals(words, face, side));
+                let [near, through] = [0, 1].map(|i| {
+                    let of = |rgb: usize, class: usize| totals[i][class] * ways[i][class][rgb];
+                    [0, 1, 2].map(|rgb| (1..CLASSES).map(|class| of(rgb, class)).sum::<f32>())
+                });
+                (near, through, totals[0][0])
+            }
+            None => {
+                let held = body(words, factors);
+                let held = if side < 0.0 { held.swapped() } else { held };
+                let LeafBody { reflectance, transmittance, .. } = between_faces(held, lets_out, hidden);
+                (reflectance.map(|c| c * out), transmittance.map(|c| c * out), lost)
+            }
+        };
+        let shares = [dot(LUMINANCE, reflected), dot(LUMINANCE, transmitted), shine].map(|x| x.max(MIN_SHARE));
         let total: f32 = shares.iter().sum();
         ViewedLeaf {
             words,
@@ -113,6 +143,7 @@ impl<'a> ViewedLeaf<'a> {
             far,
             reflected,
             transmitted,
+            ways,
             shares: shares.map(|share| share / total),
         }
     }
@@ -120,7 +151,14 @@ impl<'a> ViewedLeaf<'a> {
     /// Multiplies the light that leaves the body by `tint`; the gloss, which has no colour, stays as it is.
     pub fn tinted(self, tint: [f32; 3]) -> ViewedLeaf<'a> {
         let by = |light: [f32; 3]| [0, 1, 2].map(|i| light[i] * tint[i]);
-        ViewedLeaf { reflected: by(self.reflected), transmitted: by(self.transmitted), ..self }
+        // The first class is the surface.
+        let ways = self.ways.map(|both| {
+            both.map(|[surface, ways @ ..]| {
+                let [a, b, c] = ways.map(by);
+                [surface, a, b, c]
+            })
+        });
+        ViewedLeaf { reflected: by(self.reflected), transmitted: by(self.transmitted), ways, ..self }
     }
 
     /// Returns `pi * BRDF * |cos_i|` for a light at `wi`, a unit vector in the frame of the front, or `pi * BTDF *
@@ -130,6 +168,9 @@ impl<'a> ViewedLeaf<'a> {
         let wi = [wi[0], wi[1], wi[2] * self.side];
         if wi[2] == 0.0 || self.wo[2] == 0.0 {
             return [0.0; 3];
+        }
+        if let Some(ways) = &self.ways {
+            return self.of_tissue(ways, wi);
         }
         if wi[2] < 0.0 {
             let wi = turned(wi);
@@ -141,6 +182,23 @@ impl<'a> ViewedLeaf<'a> {
         let enters = 1.0 - reflected_by(self.words, &self.gloss, &self.seen, cos_i, wi);
         let shine = self.seen.gloss * lobe(&self.gloss, &self.seen, wi, self.wo, cos_i, self.cos_o);
         self.reflected.map(|c| c * enters * cos_i + shine)
+    }
+
+    /// Returns [`ViewedLeaf::light`] by the table of an algorithmic model, for a light in the seen face's frame.
+    fn of_tissue(&self, ways: &[WayColours; 2], wi: [f32; 3]) -> [f32; 3] {
+        let face = usize::from(self.side < 0.0);
+        let (cos_i, cos_phi, place) = if wi[2] < 0.0 {
+            // The two faces have two normals; the leaf's plane decides.
+            let [x, y, ox, oy] = [wi[0], wi[1], self.wo[0], self.wo[1]];
+            let cos_phi = azimuth(x * ox + y * oy, (x * x + y * y) * (ox * ox + oy * oy));
+            (dot(self.far.normal, turned(wi)).max(0.0), cos_phi, [1 - face, 1])
+        } else {
+            let (cos_i, cos_o) = (dot(self.seen.normal, wi).max(0.0), self.cos_o.min(1.0));
+            let sines = (1.0 - cos_i * cos_i) * (1.0 - cos_o * cos_o);
+            (cos_i, azimuth(dot(wi, self.wo) - cos_i * cos_o, sines), [face, 0])
+        };
+        scattered(self.words, &ways[place[1]], place, [cos_i.min(1.0), self.cos_o.min(1.0), cos_phi])
+            .map(|light| light * cos_i)
     }
 
     /// Draws a direction to light that matters to this eye, on either side, from three numbers in [0, 1): about the

@@ -2,6 +2,7 @@
 // path. Twin: leaf/viewed.rs, which has the equations.
 
 const LEAF_MIN_EYE: f32 = 1e-3;
+const LEAF_MIN_SINES: f32 = 1e-12;
 const LEAF_MIN_UP: f32 = 0.04;
 const LEAF_MIN_SHARE: f32 = 0.02;
 const LEAF_LUMINANCE: vec3<f32> = vec3<f32>(0.2126, 0.7152, 0.0722);
@@ -19,6 +20,11 @@ struct ViewedLeaf {
     // Shares of the body, reflected and transmitted, times the share that the seen gloss transmits to the eye.
     reflected: vec3<f32>,
     transmitted: vec3<f32>,
+    // Whether the table of an algorithmic model takes the place of body and gloss, and the colours of the classes of its ways, from
+    // the seen face back and from the far one through the leaf.
+    is_tissue: bool,
+    ways_back: mat4x3<f32>,
+    ways_through: mat4x3<f32>,
     // Probabilities with which the body's two sides and the gloss are drawn.
     shares: vec3<f32>,
 }
@@ -37,6 +43,11 @@ fn leaf_face(tilt: vec2<f32>, veins: vec2<f32>, gloss: f32) -> LeafFace {
 
 fn leaf_reflected_by(base: u32, lobe: LeafLobe, face: LeafFace, cosine: f32, w: vec3<f32>) -> f32 {
     return face.gloss * leaf_albedo(base, lobe, cosine, vec2<f32>(dot(face.along, w), dot(face.across, w)));
+}
+
+// Returns the cosine of the azimuth between two directions whose sines have the product of squares `squares`.
+fn leaf_azimuth(product: f32, squares: f32) -> f32 {
+    return select(-1.0, product / sqrt(max(squares, LEAF_MIN_SINES)), squares > LEAF_MIN_SINES);
 }
 
 fn leaf_turned(w: vec3<f32>) -> vec3<f32> {
@@ -66,19 +77,36 @@ fn leaf_new(base: u32, uv: vec2<f32>, level: u32, factors: vec4<f32>, eye: vec3<
     let lets_out = 1.0 - lobe.mean_albedo * vec2<f32>(seen.gloss, far.gloss);
     let passes = (1.0 - lost) / lets_out.x;
     let hidden = 0.5 - 0.5 * vec2<f32>(seen.normal.z, far.normal.z);
-    var held = leaf_body(base, texel.factors * factors);
-    if eye.z < 0.0 {
-        held = leaf_body_turned(held);
+    let is_tissue = asset_word(base + 4u) == LEAF_TISSUE;
+    var ways_back = mat4x3<f32>();
+    var ways_through = mat4x3<f32>();
+    var reflected = vec3<f32>(0.0);
+    var transmitted = vec3<f32>(0.0);
+    var shine = lost;
+    if is_tissue {
+        let face = select(0u, 1u, eye.z < 0.0);
+        ways_back = leaf_way_colours(base, texel.factors * factors, face, 0u);
+        ways_through = leaf_way_colours(base, texel.factors * factors, 1u - face, 1u);
+        let near = leaf_way_totals(base, face, 0u);
+        let through = leaf_way_totals(base, 1u - face, 1u);
+        reflected = ways_back * vec4<f32>(0.0, near.yzw);
+        transmitted = ways_through * vec4<f32>(0.0, through.yzw);
+        shine = near.x;
+    } else {
+        var held = leaf_body(base, texel.factors * factors);
+        if eye.z < 0.0 {
+            held = leaf_swapped(held);
+        }
+        let body = leaf_between_faces(held, lets_out, hidden);
+        reflected = body.reflectance * passes;
+        transmitted = body.transmittance * passes;
     }
-    let body = leaf_between_faces(held, lets_out, hidden);
-    let reflected = body.reflectance * passes;
-    let transmitted = body.transmittance * passes;
     let shares = max(
-        vec3<f32>(dot(LEAF_LUMINANCE, reflected), dot(LEAF_LUMINANCE, transmitted), lost),
+        vec3<f32>(dot(LEAF_LUMINANCE, reflected), dot(LEAF_LUMINANCE, transmitted), shine),
         vec3<f32>(LEAF_MIN_SHARE),
     );
     let total = shares.x + shares.y + shares.z;
-    return ViewedLeaf(base, side, lobe, wo, cos_o, seen, far, reflected, transmitted, shares / total);
+    return ViewedLeaf(base, side, lobe, wo, cos_o, seen, far, reflected, transmitted, is_tissue, ways_back, ways_through, shares / total);
 }
 
 // Returns pi times BRDF (BTDF on the other side) times |cos_i| for a light at `wi`, a unit vector in the frame of the
@@ -87,6 +115,9 @@ fn leaf_light(viewed: ViewedLeaf, light: vec3<f32>) -> vec3<f32> {
     var wi = vec3<f32>(light.xy, light.z * viewed.side);
     if wi.z == 0.0 || viewed.wo.z == 0.0 {
         return vec3<f32>(0.0);
+    }
+    if viewed.is_tissue {
+        return leaf_of_tissue(viewed, wi);
     }
     if wi.z < 0.0 {
         wi = leaf_turned(wi);
@@ -98,6 +129,29 @@ fn leaf_light(viewed: ViewedLeaf, light: vec3<f32>) -> vec3<f32> {
     let enters = 1.0 - leaf_reflected_by(viewed.base, viewed.lobe, viewed.seen, cos_i, wi);
     let shine = viewed.seen.gloss * leaf_lobe(viewed.lobe, viewed.seen, wi, viewed.wo, cos_i, viewed.cos_o);
     return viewed.reflected * (enters * cos_i) + shine;
+}
+
+// Returns leaf_light by the table of an algorithmic model, for a light in the seen face's frame.
+fn leaf_of_tissue(viewed: ViewedLeaf, wi: vec3<f32>) -> vec3<f32> {
+    let face = select(0u, 1u, viewed.side < 0.0);
+    let cos_o = min(viewed.cos_o, 1.0);
+    var cos_i = 0.0;
+    var cos_phi = 0.0;
+    var place = vec2<u32>(face, 0u);
+    var ways = viewed.ways_back;
+    if wi.z < 0.0 {
+        // The two faces have two normals; the leaf's plane decides.
+        cos_i = max(dot(viewed.far.normal, leaf_turned(wi)), 0.0);
+        cos_phi = leaf_azimuth(dot(wi.xy, viewed.wo.xy), dot(wi.xy, wi.xy) * dot(viewed.wo.xy, viewed.wo.xy));
+        place = vec2<u32>(1u - face, 1u);
+        ways = viewed.ways_through;
+    } else {
+        cos_i = max(dot(viewed.seen.normal, wi), 0.0);
+        let sines = (1.0 - cos_i * cos_i) * (1.0 - cos_o * cos_o);
+        cos_phi = leaf_azimuth(dot(wi, viewed.wo) - cos_i * cos_o, sines);
+    }
+    let cosines = vec3<f32>(min(cos_i, 1.0), cos_o, cos_phi);
+    return leaf_scattered(viewed.base, ways, place, cosines) * cos_i;
 }
 
 // Draws a direction to light that matters to this eye, on either side, from three numbers in [0, 1).

@@ -7,12 +7,14 @@
 //! | 4, 5 | mode, bands in use |
 //! | 6 to 9 | gloss: index, roughness along and across the veins, mean directional albedo |
 //! | [`HALVES_AT`] | how much more of the pigments a layer of the upper half holds than one of the whole leaf, of water and dry matter; the same of the lower half |
+//! | [`SCATTER_AT`], [`CHANNELS_AT`] | first word of the table of an algorithmic model, 0 without one; its channels |
 //! | [`BANDS_AT`] | the bands of `BAND_SHARES`, [`BAND_WORDS`] each: absorption per layer by chlorophyll, by carotenoids, by brown pigment and anthocyanins, by all else; shares of red, green and blue; transmittance of the interface from inside, for two halves from outside |
 //! | [`ALBEDO_AT`] | directional albedo of the gloss, [`ALBEDO_ROWS`] x [`ALBEDO_COLUMNS`] |
 //! | [`TABLE_AT`] | a table for each band, [`TABLE_ENTRIES`] entries: reflectance (low half) and transmittance (high half) in 1/65535, of the light that entered; for two halves of the upper half's pile in the air |
 //! | [`LOWER_TABLE_AT`] | the same of the lower half's pile; 0 in other modes |
 //! | [`LEVELS_AT`] | first word of each level |
 //! | [`TEXELS_AT`] | texels, four words each, level after level, the top row first |
+//! | after the texels | of an algorithmic model: lengths of ways, [`CLASSES`] for each face and side; from [`TOTALS_AFTER`] on the shares of light from all around, [`CLASSES`] for each face and side; from [`CELLS_AFTER`] on the cells, [`CELL_WORDS`] each, by face, side, channel, incidence, cosine and azimuth: `pi f` of each class as half floats |
 //!
 //! Numbers are u32 or f32 as bits; offsets count from the magic word. Words 4 to [`LEVELS_AT`] depend on the state and
 //! have the same length for every state; the others are those of the textures.
@@ -25,6 +27,24 @@ pub const LEAF_MAGIC: u32 = u32::from_le_bytes(*b"LEAF");
 pub const STATE_AT: usize = 4;
 /// First word of what the layers of two halves hold.
 pub const HALVES_AT: usize = 10;
+/// Number of the word that holds the first word of the table of an algorithmic model.
+pub const SCATTER_AT: usize = 14;
+/// Number of the word that holds the number of channels of that table: 1 or 3.
+pub const CHANNELS_AT: usize = 15;
+/// Number of classes of ways through the tissue.
+pub const CLASSES: usize = 4;
+/// Number of incidences, evenly spaced in the root of the cosine.
+pub const INCIDENCES: usize = 20;
+/// Number of classes of the cosine of the eye.
+pub const COSINES: usize = 16;
+/// Number of classes of the cosine of half the azimuth between light and eye.
+pub const AZIMUTHS: usize = 12;
+/// Words of a cell.
+pub const CELL_WORDS: usize = CLASSES / 2;
+/// Words of the table before the shares of light from all around.
+pub const TOTALS_AFTER: usize = 4 * CLASSES;
+/// Words of the table before its cells.
+pub const CELLS_AFTER: usize = TOTALS_AFTER + 4 * CLASSES;
 /// First word of the bands.
 pub const BANDS_AT: usize = 16;
 /// Number of words of a band.

@@ -1,6 +1,15 @@
 // The layout of a leaf's words, counted from its first. Twin: leaf/words.rs, which has the contents.
 
 const LEAF_HALVES_AT: u32 = 10u;
+const LEAF_SCATTER_AT: u32 = 14u;
+const LEAF_CHANNELS_AT: u32 = 15u;
+const LEAF_CLASSES: u32 = 4u;
+const LEAF_INCIDENCES: u32 = 20u;
+const LEAF_COSINES: u32 = 16u;
+const LEAF_AZIMUTHS: u32 = 12u;
+const LEAF_CELL_WORDS: u32 = 2u;
+const LEAF_TOTALS_AFTER: u32 = 16u;
+const LEAF_CELLS_AFTER: u32 = 32u;
 const LEAF_BANDS_AT: u32 = 16u;
 const LEAF_BAND_WORDS: u32 = 8u;
 const LEAF_ALBEDO_AT: u32 = 112u;

@@ -127,6 +127,16 @@ fn decoder() -> [Constants; 3] {
 fn leaf() -> [Constants; 3] {
     let words = of_words(&[
         ("LEAF_HALVES_AT", leaf_words::HALVES_AT),
+        ("LEAF_SCATTER_AT", leaf_words::SCATTER_AT),
+        ("LEAF_CHANNELS_AT", leaf_words::CHANNELS_AT),
+        ("LEAF_CLASSES", leaf_words::CLASSES),
+        ("LEAF_INCIDENCES", leaf_words::INCIDENCES),
+        ("LEAF_COSINES", leaf_words::COSINES),
+        ("LEAF_AZIMUTHS", leaf_words::AZIMUTHS),
+        ("LEAF_CELL_WORDS", leaf_words::CELL_WORDS),
+        ("LEAF_TOTALS_AFTER", leaf_words::TOTALS_AFTER),
+        ("LEAF_CELLS_AFTER", leaf_words::CELLS_AFTER),
+        ("LEAF_TISSUE", LeafMode::Tissue as usize),
         ("LEAF_BANDS_AT", leaf_words::BANDS_AT),
         ("LEAF_BAND_WORDS", leaf_words::BAND_WORDS),
         ("LEAF_ALBEDO_AT", leaf_words::ALBEDO_AT),
@@ -154,6 +164,7 @@ fn leaf() -> [Constants; 3] {
         ("LEAF_MAX_EXPONENT", MAX_EXPONENT),
         ("LEAF_MIN_BETWEEN", MIN_BETWEEN),
         ("LEAF_MIN_EYE", MIN_EYE),
+        ("LEAF_MIN_SINES", MIN_SINES),
         ("LEAF_MIN_UP", MIN_UP),
         ("LEAF_MIN_SHARE", MIN_SHARE),
     ]);

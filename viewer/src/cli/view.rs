@@ -16,8 +16,11 @@ pub(super) struct ViewArguments {
     /// A leaf that is evaluated live: contents, gloss and textures, as `btf-synth leaf --write-leaf` writes them
     #[arg(long, value_name = "LEAF.toml")]
     pub(super) leaf: Vec<PathBuf>,
+    /// Table of an algorithmic model by which live leaves are drawn, as `btf-synth scatter` writes it
+    #[arg(long, value_name = "MODEL.leaftable", requires = "leaf")]
+    pub(super) leaf_table: Option<PathBuf>,
     /// How the bodies of live leaves are evaluated: n-layers, two-sided (a back paler than its front), rational or three-piece
-    #[arg(long, value_name = "MODE", value_parser = parse_leaf_mode)]
+    #[arg(long, value_name = "MODE", value_parser = parse_leaf_mode, conflicts_with = "leaf_table")]
     pub(super) leaf_mode: Option<LeafMode>,
     /// Scene description: meshes, materials, lights, camera
     #[arg(long, value_name = "SCENE.toml", conflicts_with_all = ["mesh", "uv_scale"])]
@@ -53,7 +56,11 @@ pub(super) fn run(arguments: &ViewArguments) -> Result<(), ViewerError> {
 /// Makes the scene of a file, or the built-in one with the mesh that is asked for, as the options light and displace
 /// it.
 fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
-    let leaves = arguments.leaf.iter().map(|path| SceneLeaf::load(path)).collect::<Result<_, _>>()?;
+    let leaves = arguments
+        .leaf
+        .iter()
+        .map(|path| SceneLeaf::load_with(path, arguments.leaf_table.as_deref()))
+        .collect::<Result<_, _>>()?;
     let shown = Shown { assets: load_assets(&arguments.assets)?, leaves };
     let mesh = MeshChoice::from_argument(&arguments.mesh);
     let mut scene = match &arguments.scene {

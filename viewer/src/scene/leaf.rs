@@ -2,8 +2,8 @@
 
 use crate::error::ViewerError;
 use btf_capture::files;
-use btf_models::{LeafDescription, TextureImages, TextureKind};
-use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture};
+use btf_models::{LeafDescription, LeafTable, TextureImages, TextureKind};
+use btf_runtime::{LEAF_BAND_NM, Leaf, LeafMode, LeafScattering, LeafState, LeafTexel, LeafTexture};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf, absolute};
 
@@ -29,6 +29,15 @@ impl SceneLeaf {
     /// # Errors
     /// The errors of [`LeafDescription::read`] and [`TextureImages::read`].
     pub fn load(path: &Path) -> Result<SceneLeaf, ViewerError> {
+        SceneLeaf::load_with(path, None)
+    }
+
+    /// Reads a leaf's description and textures, as [`SceneLeaf::load`], and draws it by the table of an algorithmic model, the file
+    /// of which is `table`.
+    ///
+    /// # Errors
+    /// Those of [`SceneLeaf::load`] and [`LeafTable::read`]; [`ViewerError::Usage`] for a table without the bands of live leaves.
+    pub fn load_with(path: &Path, table: Option<&Path>) -> Result<SceneLeaf, ViewerError> {
         let description = LeafDescription::read(path)?;
         let images = match description.textures_beside(path) {
             Some(folder) => TextureImages::read(folder)?,
@@ -36,7 +45,22 @@ impl SceneLeaf {
         };
         let name = path.file_stem().map_or_else(|| "leaf".into(), |stem| stem.to_string_lossy().into_owned());
         let texture = texture_of(&images, description.size_mm as f32);
-        Ok(SceneLeaf { path: Some(path.into()), ..SceneLeaf::new(name, description, &texture)? })
+        let leaf = match table {
+            None => SceneLeaf::new(name, description, &texture)?,
+            Some(file) => {
+                let scattering = scattering_of(&LeafTable::read(file)?).ok_or_else(|| {
+                    ViewerError::Usage(format!(
+                        "{} lacks wavelengths that live leaves are drawn at; make it again with `btf-synth scatter`",
+                        file.display()
+                    ))
+                })?;
+                let state = LeafState::from_values(LeafMode::Tissue, description.tissue_and_gloss());
+                let leaf = Leaf::with_scattering(&state, &texture, &scattering)
+                    .map_err(|source| ViewerError::Leaf { name: name.clone(), source })?;
+                SceneLeaf { name, path: None, description, leaf }
+            }
+        };
+        Ok(SceneLeaf { path: Some(path.into()), ..leaf })
     }
 
     /// Makes a leaf with textures that are in memory.
@@ -88,6 +112,16 @@ impl SceneLeaf {
         };
         Ok(LeafDescription { textures, ..self.description.clone() }.write(path)?)
     }
+}
+
+/// Returns what decoders take of a table: its depths at the wavelengths of their bands; `None` where it lacks one.
+fn scattering_of(table: &LeafTable) -> Option<LeafScattering> {
+    let mut depths = [[0.0; 3]; LEAF_BAND_NM.len()];
+    for (depths, nm) in depths.iter_mut().zip(LEAF_BAND_NM) {
+        let [_, chlorophyll, carotenoid, rest] = table.rows.iter().find(|row| row[0] == nm)?;
+        *depths = [*chlorophyll, *carotenoid, *rest];
+    }
+    Some(LeafScattering { depths, ways: table.ways, cells: table.cells.clone() })
 }
 
 /// Returns a folder as the file `path` names it: relative where it lies beside or below it, else absolute.

@@ -83,8 +83,16 @@ impl ScatterTable {
     /// pool. Equal seeds give equal tables on any number of threads. A million rays take some 5 s on one core for both
     /// passages together; the noise of a cell is then below 3 %.
     pub fn trace(stack: &Stack, face: Face, passage: Passage, rays: u64, seed: u64) -> ScatterTable {
-        let wanted = passage == Passage::Reflection;
-        let traced: Vec<Incidence> = (0..INCIDENCES)
+        let [reflected, transmitted] = ScatterTable::trace_both(stack, face, rays, seed);
+        match passage {
+            Passage::Reflection => reflected,
+            Passage::Transmission => transmitted,
+        }
+    }
+
+    /// Traces the tables of the reflected and of the transmitted light, which are those of [`ScatterTable::trace`].
+    pub fn trace_both(stack: &Stack, face: Face, rays: u64, seed: u64) -> [ScatterTable; 2] {
+        let traced: Vec<[Incidence; 2]> = (0..INCIDENCES)
             .map(|i| {
                 let theta = incidence_cosine(i).acos().to_degrees();
                 let beam = Parallel::onto(face, theta);
@@ -92,8 +100,8 @@ impl ScatterTable {
                     .into_par_iter()
                     .map(|block| {
                         let mut random = block_random(seed.wrapping_add(i as u64), block);
-                        let mut cells = vec![[0u32; WAYS]; COSINES * AZIMUTHS];
-                        let mut means = [[0f64; 2]; WAYS];
+                        let mut cells = [(); 2].map(|()| vec![[0u32; WAYS]; COSINES * AZIMUTHS]);
+                        let mut means = [[[0f64; 2]; WAYS]; 2];
                         for _ in 0..BLOCK.min(rays - block * BLOCK) {
                             let start = beam.direction(&mut random);
                             let End::Escaped { direction, path } =
@@ -101,31 +109,36 @@ impl ScatterTable {
                             else {
                                 continue;
                             };
-                            if (direction[2] * start[2] < 0.0) != wanted {
-                                continue;
-                            }
+                            let side = usize::from(direction[2] * start[2] >= 0.0);
                             let class = way_class(path);
-                            cells[cell_of(direction)][class] += 1;
-                            means[class][0] += 1.0;
-                            means[class][1] += path;
+                            cells[side][cell_of(direction)][class] += 1;
+                            means[side][class][0] += 1.0;
+                            means[side][class][1] += path;
                         }
                         (cells, means)
                     })
                     .collect();
-                let mut cells = vec![[0f64; WAYS]; COSINES * AZIMUTHS];
-                let mut means = [[0f64; 2]; WAYS];
-                for (part, part_means) in parts {
-                    for (cell, counts) in cells.iter_mut().zip(part) {
-                        (0..WAYS).for_each(|w| cell[w] += f64::from(counts[w]));
+                [0, 1].map(|side| {
+                    let mut cells = vec![[0f64; WAYS]; COSINES * AZIMUTHS];
+                    let mut means = [[0f64; 2]; WAYS];
+                    for (part, part_means) in &parts {
+                        for (cell, counts) in cells.iter_mut().zip(&part[side]) {
+                            (0..WAYS).for_each(|w| cell[w] += f64::from(counts[w]));
+                        }
+                        for (mean, part) in means.iter_mut().zip(&part_means[side]) {
+                            mean[0] += part[0];
+                            mean[1] += part[1];
+                        }
                     }
-                    for (mean, part) in means.iter_mut().zip(part_means) {
-                        mean[0] += part[0];
-                        mean[1] += part[1];
-                    }
-                }
-                Incidence { cells, means }
+                    Incidence { cells, means }
+                })
             })
             .collect();
+        [0, 1].map(|side| ScatterTable::of(&traced.iter().map(|both| &both[side]).collect::<Vec<_>>(), rays))
+    }
+
+    /// Makes a table of the counts of each incidence.
+    fn of(traced: &[&Incidence], rays: u64) -> ScatterTable {
         let ways = std::array::from_fn(|class| {
             let (count, sum) =
                 traced.iter().fold((0.0, 0.0), |(n, s), i| (n + i.means[class][0], s + i.means[class][1]));
@@ -141,6 +154,25 @@ impl ScatterTable {
             })
             .collect();
         ScatterTable { ways, cells }
+    }
+
+    /// Returns the values of `pi f` by class of lengths, `[incidence, cosine, azimuth]`.
+    pub(crate) fn cells(&self) -> &[[f32; WAYS]] {
+        &self.cells
+    }
+
+    /// Returns the share of light from all around that each class carries out on this side.
+    pub(crate) fn diffuse(&self) -> [f64; WAYS] {
+        let mut sums = [0.0; WAYS];
+        for (number, cell) in self.cells.iter().enumerate() {
+            let (incidence, direction) = (number / (COSINES * AZIMUTHS), number % (COSINES * AZIMUTHS));
+            // Two cosines times their differential are that of the fourth power of their root.
+            let edge = |place: f64| (place / (INCIDENCES - 1) as f64).clamp(0.0, 1.0).powi(4);
+            let weight = edge(incidence as f64 + 0.5) - edge(incidence as f64 - 0.5);
+            let share = weight * projected_solid_angle(direction) / std::f64::consts::PI;
+            (0..WAYS).for_each(|way| sums[way] += share * f64::from(cell[way]));
+        }
+        sums
     }
 
     /// Returns the mean path length of each class in thicknesses of the mesophyll.

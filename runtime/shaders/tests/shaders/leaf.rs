@@ -4,7 +4,8 @@
 use crate::support::gpu::{Program, open};
 use btf_runtime::testing::{Random, THREE_ROWS};
 use btf_runtime::{
-    LEAF_QUANTITIES, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf, leaf_wgsl, wgsl_library,
+    LEAF_QUANTITIES, Leaf, LeafMode, LeafScattering, LeafState, LeafTexel, LeafTexture, ViewedLeaf, leaf_wgsl,
+    wgsl_library,
 };
 use btf_shaders::{Answer, Options, Query};
 
@@ -42,11 +43,26 @@ fn leaf_main(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 ";
 
+/// Returns a table of an algorithmic model with random values.
+fn scattering(random: &mut Random, channels: usize) -> LeafScattering {
+    const CELLS: usize = 20 * 16 * 12;
+    let mut depth = || random.within(0.0, 0.05);
+    let depths = std::array::from_fn(|_| [depth(), depth(), depth()]);
+    // Half floats from 2^-14 to nearly 2.
+    let mut half = || 0x0400 + random.below(0x3c00) as u16;
+    let cells = (0..4 * channels * CELLS).map(|_| [half(), half(), half(), half()]).collect();
+    LeafScattering {
+        depths,
+        ways: [[0.0, 0.7, 1.9, 6.0], [0.0, 0.8, 2.0, 7.0], [0.0, 1.0, 2.0, 3.0], [0.0, 1.1, 2.2, 3.3]],
+        cells,
+    }
+}
+
 /// Returns leaves of all modes with textures of some texels, one behind the other, and the number of each one's first
 /// word.
 fn leaves(random: &mut Random) -> (Vec<u32>, Vec<u32>) {
     let (mut words, mut firsts) = (vec![7; 5], Vec::new());
-    for round in 0..12 {
+    for round in 0..15 {
         let mut values = LEAF_QUANTITIES.map(|quantity| random.within(quantity.range[0], quantity.range[1]));
         if round % 4 == 3 {
             values[9] = values[8];
@@ -61,8 +77,14 @@ fn leaves(random: &mut Random) -> (Vec<u32>, Vec<u32>) {
                 tilt: std::array::from_fn(|_| 0.4 * signed()),
             })
             .collect();
-        let state = LeafState::from_values(LeafMode::ALL[round % LeafMode::ALL.len()], values);
-        let leaf = Leaf::new(&state, &LeafTexture { width: 5, texels }).unwrap();
+        let texture = LeafTexture { width: 5, texels };
+        let leaf = match LeafMode::ALL.get(round % (LeafMode::ALL.len() + 1)) {
+            Some(mode) => Leaf::new(&LeafState::from_values(*mode, values), &texture).unwrap(),
+            None => {
+                let state = LeafState::from_values(LeafMode::Tissue, values);
+                Leaf::with_scattering(&state, &texture, &scattering(random, 1 + 2 * (round / 5 % 2))).unwrap()
+            }
+        };
         firsts.push(words.len() as u32);
         words.extend(leaf.words());
     }

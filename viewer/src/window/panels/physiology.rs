@@ -26,6 +26,7 @@ pub(crate) fn show_physiology(ui: &mut egui::Ui, physiology: &mut Physiology, sc
     choose_leaf(ui, physiology, scene);
     let mut settings = physiology.settings(scene)?;
     show_spectrum(ui, scene.leaves[physiology.leaf].leaf.state());
+    let has_table = scene.leaves[physiology.leaf].leaf.has_scattering();
     ui.horizontal_wrapped(|ui| {
         for preset in LeafPreset::ALL {
             let is_so = settings.description.contents == preset.contents();
@@ -36,7 +37,8 @@ pub(crate) fn show_physiology(ui: &mut egui::Ui, physiology: &mut Physiology, sc
         }
     });
     ui.horizontal(|ui| {
-        for mode in LeafMode::ALL.into_iter().rev() {
+        let tissue = has_table.then_some(LeafMode::Tissue);
+        for mode in tissue.into_iter().chain(LeafMode::ALL.into_iter().rev()) {
             ui.radio_value(&mut settings.mode, mode, mode.name()).on_hover_text(mode_meaning(mode));
         }
     });
@@ -129,6 +131,7 @@ fn show_seed(ui: &mut egui::Ui, settings: &mut LeafSettings, scene: &Scene) {
 
 fn mode_meaning(mode: LeafMode) -> &'static str {
     match mode {
+        LeafMode::Tissue => "a table of an algorithmic model, with its own surface",
         LeafMode::TwoSided => "two unequal piles of plates over the spectrum: a paler back",
         LeafMode::NLayers => "N plates over the spectrum, PROSPECT-D",
         LeafMode::Rational => "one exact plate at 675, 546 and 435 nm",
