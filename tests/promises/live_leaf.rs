@@ -3,13 +3,14 @@
 use btf_runtime::testing::{BAND_SHARES, THREE_ROWS, rational_theta, three_piece_theta};
 use btf_runtime::{LEAF_ROWS, Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf, leaf_spectrum};
 use btf_synth::{
-    CookTorrance, Face, GlossParams, LeafContents, LobeAngles, PROSPECT_CONE_DEG, PlateBody, PlateModel, RgbBands,
-    SpecificAbsorption, ThetaForm, TwoHalves, mean_interface_transmittance, plate_spectrum, two_sided_spectrum,
-    vein_frame,
+    Abm97, CookTorrance, Face, GlossParams, LeafContents, LeafModel, LobeAngles, PROSPECT_CONE_DEG, PlateBody,
+    PlateModel, RgbBands, SpecificAbsorption, ThetaForm, TwoHalves, mean_interface_transmittance, plate_spectrum,
+    two_sided_spectrum, vein_frame,
 };
 use btf_tests::leaf::live::{
     back_colour, body_colours, contents_of, random_states, reference_colours, two_sided_reference,
 };
+use btf_tests::leaf::table::{CONTENTS, FACES, leaf_of, live_colours, table_of, traced_colours, with_contents};
 use btf_tests::leaf::trade::{Spread, delta_e00_linear};
 
 /// Returns the absorption of one unit of each content in the tables.
@@ -118,6 +119,27 @@ fn two_halves_have_the_colours_of_the_reference_from_both_faces() {
         planted = planted.max(delta_e00_linear(back_colour(&alike, [1.0; 4]), back));
     }
     assert!(worst < 0.35 && planted > 3.0, "{worst} {planted}");
+}
+
+#[test]
+fn a_table_has_the_light_of_its_algorithmic_model_from_both_faces() {
+    let model = LeafModel::Abm97(Abm97::default());
+    let table = table_of(&model, 20_000).unwrap();
+    let (mut worst, mut planted) = (0f64, 0f64);
+    for contents in [CONTENTS[0], CONTENTS[2]] {
+        let leaf = leaf_of(&table, contents).unwrap();
+        for face in FACES {
+            let live = live_colours(&leaf, face, 45.0);
+            let traced = traced_colours(&with_contents(&model, contents), face, 45.0, 100_000);
+            // Planted: other contents.
+            let other = traced_colours(&with_contents(&model, CONTENTS[1]), face, 45.0, 100_000);
+            for side in 0..2 {
+                worst = worst.max(delta_e00_linear(live[side], traced[side]));
+                planted = planted.max(delta_e00_linear(live[side], other[side]));
+            }
+        }
+    }
+    assert!(worst < 2.0 && planted > 6.0, "{worst} {planted}");
 }
 
 #[test]

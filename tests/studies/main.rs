@@ -9,7 +9,7 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 16] = [
+const STUDIES: [(&str, &str, Study); 17] = [
     ("abm_trade", "", leaf::abm_trade::run),
     ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
@@ -22,6 +22,7 @@ const STUDIES: [(&str, &str, Study); 16] = [
     ("leaf_fits", "", leaf::fits::run),
     ("leaf_inversion", "[FOLDER...]", leaf::inversion::run),
     ("leaf_live", "", leaf::live::run),
+    ("leaf_table", "[RAYS]", leaf::table::run),
     ("leaf_trade", "", leaf::trade::run),
     ("lobe_worth", "ASSET.spmm...", lobe_worth::run),
     ("many_captures", "BTF_FIT [COUNT [WORKERS [KILLS]]]", many_captures::run),

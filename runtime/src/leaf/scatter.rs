@@ -193,6 +193,13 @@ mod tests {
         }
     }
 
+    fn tissue(state: &LeafState, texture: &LeafTexture, table: &LeafScattering) -> Result<Leaf, LeafError> {
+        let mut leaf = Leaf::new(&LeafState { mode: LeafMode::NLayers, ..*state }, texture)?;
+        leaf.add_scattering(table)?;
+        leaf.set_state(state)?;
+        Ok(leaf)
+    }
+
     fn light(leaf: &Leaf, wi_deg: f64, wo_deg: f64, tint: [f32; 3]) -> [f32; 3] {
         let [wi, wo] = [direction_from_degrees(wi_deg, 20.0), direction_from_degrees(wo_deg, 70.0)];
         ViewedLeaf::new(leaf.words(), [0.4, 0.2], 0, [1.0; 4], wo).tinted(tint).light(wi)
@@ -203,7 +210,7 @@ mod tests {
         let texture = LeafTexture::uniform(LeafTexel::default());
         for channels in [1, 3] {
             for chlorophyll in [0.0, 40.0] {
-                let leaf = Leaf::with_scattering(&state(chlorophyll), &texture, &matt(channels)).unwrap();
+                let leaf = tissue(&state(chlorophyll), &texture, &matt(channels)).unwrap();
                 // A grey absorption and white light: all bands and their shares add up to one value.
                 let left = (-0.01 * chlorophyll * 1.5).exp();
                 for (wi, wo, face, side) in
@@ -229,7 +236,7 @@ mod tests {
     #[test]
     fn a_leaf_with_a_table_may_be_plates_and_be_tissue_again() {
         let texture = LeafTexture { width: 3, texels: vec![LeafTexel::default(); 15] };
-        let mut leaf = Leaf::with_scattering(&state(30.0), &texture, &matt(3)).unwrap();
+        let mut leaf = tissue(&state(30.0), &texture, &matt(3)).unwrap();
         let before = leaf.clone();
         leaf.set_state(&LeafState { mode: LeafMode::NLayers, ..state(30.0) }).unwrap();
         let plates = Leaf::new(leaf.state(), &texture).unwrap();
@@ -238,6 +245,9 @@ mod tests {
         assert_ne!(seen(&leaf), seen(&before));
         leaf.set_state(&state(30.0)).unwrap();
         assert_eq!(leaf, before);
+        // Another table takes the place of the first.
+        leaf.add_scattering(&matt(1)).unwrap();
+        assert_eq!(leaf, tissue(&state(30.0), &texture, &matt(1)).unwrap());
         // Without a table there is no tissue.
         assert!(before.has_scattering() && !plates.has_scattering());
         assert_eq!(Leaf::new(&state(1.0), &texture), Err(LeafError::NoTable));
@@ -250,7 +260,7 @@ mod tests {
         let is_refused = |change: &dyn Fn(&mut LeafScattering)| {
             let mut table = matt(1);
             change(&mut table);
-            matches!(Leaf::with_scattering(&state(1.0), &texture, &table), Err(LeafError::Scattering { .. }))
+            matches!(tissue(&state(1.0), &texture, &table), Err(LeafError::Scattering { .. }))
         };
         assert!(!is_refused(&|_| ()));
         assert!(is_refused(&|table| table.cells.truncate(CELLS)));

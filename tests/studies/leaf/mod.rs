@@ -7,4 +7,5 @@ pub mod fits;
 pub mod inversion;
 pub mod live;
 mod spectra_db;
+pub mod table;
 pub mod trade;

@@ -17,7 +17,7 @@ pub(super) struct ViewArguments {
     #[arg(long, value_name = "LEAF.toml")]
     pub(super) leaf: Vec<PathBuf>,
     /// Table of an algorithmic model by which live leaves are drawn, as `btf-synth scatter` writes it
-    #[arg(long, value_name = "MODEL.leaftable", requires = "leaf")]
+    #[arg(long, value_name = "MODEL.leaftable")]
     pub(super) leaf_table: Option<PathBuf>,
     /// How the bodies of live leaves are evaluated: n-layers, two-sided (a back paler than its front), rational or three-piece
     #[arg(long, value_name = "MODE", value_parser = parse_leaf_mode, conflicts_with = "leaf_table")]
@@ -56,27 +56,14 @@ pub(super) fn run(arguments: &ViewArguments) -> Result<(), ViewerError> {
 /// Makes the scene of a file, or the built-in one with the mesh that is asked for, as the options light and displace
 /// it.
 fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
-    let leaves = arguments
-        .leaf
-        .iter()
-        .map(|path| SceneLeaf::load_with(path, arguments.leaf_table.as_deref()))
-        .collect::<Result<_, _>>()?;
+    let leaves = arguments.leaf.iter().map(|path| SceneLeaf::load(path)).collect::<Result<_, _>>()?;
     let shown = Shown { assets: load_assets(&arguments.assets)?, leaves };
     let mesh = MeshChoice::from_argument(&arguments.mesh);
     let mut scene = match &arguments.scene {
         Some(path) => load_scene(path, shown)?,
         None => Scene::built_in(&mesh, shown, arguments.uv_scale)?,
     };
-    if let Some(mode) = arguments.leaf_mode {
-        if scene.leaves.is_empty() {
-            return Err(ViewerError::Usage(
-                "--leaf-mode needs a live leaf; name one with `--leaf LEAF.toml`, which `btf-synth leaf --write-leaf` writes".into(),
-            ));
-        }
-        for leaf in &mut scene.leaves {
-            leaf.describe(leaf.description.clone(), mode)?;
-        }
-    }
+    draw_leaves(&mut scene, arguments)?;
     choose_camera(&mut scene, arguments.camera.unwrap_or(1))?;
     light_scene(&mut scene, &arguments.picture)?;
     if let Some(scale) = arguments.displacement {
@@ -89,4 +76,24 @@ fn make_scene(arguments: &ViewArguments) -> Result<Scene, ViewerError> {
         scene.displace(scale);
     }
     Ok(scene)
+}
+
+/// Draws the scene's live leaves in the mode, or by the table, that is asked for.
+fn draw_leaves(scene: &mut Scene, arguments: &ViewArguments) -> Result<(), ViewerError> {
+    if (arguments.leaf_mode.is_some() || arguments.leaf_table.is_some()) && scene.leaves.is_empty() {
+        return Err(ViewerError::Usage(
+            "--leaf-mode and --leaf-table need a live leaf; name one with `--leaf LEAF.toml`, which `btf-synth leaf \
+             --write-leaf` writes"
+                .into(),
+        ));
+    }
+    for leaf in &mut scene.leaves {
+        if let Some(table) = &arguments.leaf_table {
+            leaf.add_table(table)?;
+        }
+        if let Some(mode) = arguments.leaf_mode {
+            leaf.describe(leaf.description.clone(), mode)?;
+        }
+    }
+    Ok(())
 }

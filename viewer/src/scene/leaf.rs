@@ -29,15 +29,6 @@ impl SceneLeaf {
     /// # Errors
     /// The errors of [`LeafDescription::read`] and [`TextureImages::read`].
     pub fn load(path: &Path) -> Result<SceneLeaf, ViewerError> {
-        SceneLeaf::load_with(path, None)
-    }
-
-    /// Reads a leaf's description and textures, as [`SceneLeaf::load`], and draws it by the table of an algorithmic model, the file
-    /// of which is `table`.
-    ///
-    /// # Errors
-    /// Those of [`SceneLeaf::load`] and [`LeafTable::read`]; [`ViewerError::Usage`] for a table without the bands of live leaves.
-    pub fn load_with(path: &Path, table: Option<&Path>) -> Result<SceneLeaf, ViewerError> {
         let description = LeafDescription::read(path)?;
         let images = match description.textures_beside(path) {
             Some(folder) => TextureImages::read(folder)?,
@@ -45,22 +36,23 @@ impl SceneLeaf {
         };
         let name = path.file_stem().map_or_else(|| "leaf".into(), |stem| stem.to_string_lossy().into_owned());
         let texture = texture_of(&images, description.size_mm as f32);
-        let leaf = match table {
-            None => SceneLeaf::new(name, description, &texture)?,
-            Some(file) => {
-                let scattering = scattering_of(&LeafTable::read(file)?).ok_or_else(|| {
-                    ViewerError::Usage(format!(
-                        "{} lacks wavelengths that live leaves are drawn at; make it again with `btf-synth scatter`",
-                        file.display()
-                    ))
-                })?;
-                let state = LeafState::from_values(LeafMode::Tissue, description.tissue_and_gloss());
-                let leaf = Leaf::with_scattering(&state, &texture, &scattering)
-                    .map_err(|source| ViewerError::Leaf { name: name.clone(), source })?;
-                SceneLeaf { name, path: None, description, leaf }
-            }
-        };
-        Ok(SceneLeaf { path: Some(path.into()), ..leaf })
+        Ok(SceneLeaf { path: Some(path.into()), ..SceneLeaf::new(name, description, &texture)? })
+    }
+
+    /// Adds the table of an algorithmic model, and draws the leaf by it.
+    ///
+    /// # Errors
+    /// Those of [`LeafTable::read`]; [`ViewerError::Usage`] for a table without the bands of live leaves.
+    pub fn add_table(&mut self, path: &Path) -> Result<(), ViewerError> {
+        let scattering = scattering_of(&LeafTable::read(path)?).ok_or_else(|| {
+            let name = path.display();
+            ViewerError::Usage(format!(
+                "{name} lacks wavelengths that live leaves are drawn at; make it again with `btf-synth scatter`"
+            ))
+        })?;
+        let named = |source| ViewerError::Leaf { name: self.name.clone(), source };
+        self.leaf.add_scattering(&scattering).map_err(named)?;
+        self.describe(self.description.clone(), LeafMode::Tissue).map(|_| ())
     }
 
     /// Makes a leaf with textures that are in memory.

@@ -78,13 +78,13 @@ fn leaves(random: &mut Random) -> (Vec<u32>, Vec<u32>) {
             })
             .collect();
         let texture = LeafTexture { width: 5, texels };
-        let leaf = match LeafMode::ALL.get(round % (LeafMode::ALL.len() + 1)) {
-            Some(mode) => Leaf::new(&LeafState::from_values(*mode, values), &texture).unwrap(),
-            None => {
-                let state = LeafState::from_values(LeafMode::Tissue, values);
-                Leaf::with_scattering(&state, &texture, &scattering(random, 1 + 2 * (round / 5 % 2))).unwrap()
-            }
-        };
+        let modes = LeafMode::ALL.len() + 1;
+        let mode = LeafMode::ALL.get(round % modes).copied();
+        let mut leaf = Leaf::new(&LeafState::from_values(mode.unwrap_or_default(), values), &texture).unwrap();
+        if mode.is_none() {
+            leaf.add_scattering(&scattering(random, 1 + 2 * (round / modes % 2))).unwrap();
+            leaf.set_state(&LeafState::from_values(LeafMode::Tissue, values)).unwrap();
+        }
         firsts.push(words.len() as u32);
         words.extend(leaf.words());
     }
