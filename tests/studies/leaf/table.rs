@@ -169,7 +169,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
                 }
             }
         }
-        let [r, t] = errors.map(|errors| Spread::of(errors.into_iter()));
+        let [r, t] = errors.map(Spread::of);
         let leaf = leaf_of(&table, CONTENTS[2])?;
         let [view, light] = nanoseconds(&leaf);
         println!(

@@ -166,6 +166,8 @@ fn texture_of(images: &TextureImages, size_mm: f32) -> LeafTexture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use btf_models::TABLE_GRID;
+    use btf_runtime::ViewedLeaf;
 
     #[test]
     fn a_saved_leaf_finds_its_textures_from_wherever_it_lies() {
@@ -208,5 +210,32 @@ mod tests {
         leaf.save(&other).unwrap();
         leaf.save(&other).unwrap();
         assert_eq!(LeafDescription::read(&other).unwrap(), leaf.description);
+    }
+
+    #[test]
+    fn a_table_draws_the_leaf_and_one_without_its_bands_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("grey.leaftable");
+        let cells = 4 * TABLE_GRID.iter().product::<usize>();
+        let mut table = LeafTable {
+            model: "grey".into(),
+            own_pigments: [0.0; 2],
+            rows: LEAF_BAND_NM.map(|nm| [nm, 0.0, 0.0, 0.0]).to_vec(),
+            ways: [[0.0, 1.0, 2.0, 3.0]; 4],
+            // One half as a half float.
+            cells: vec![[0, 0x3800, 0, 0]; cells],
+        };
+        table.write(&file).unwrap();
+        let plain = LeafTexture::uniform(LeafTexel::default());
+        let mut leaf = SceneLeaf::new("leaf", LeafDescription::default(), &plain).unwrap();
+        leaf.add_table(&file).unwrap();
+        assert_eq!(leaf.leaf.state().mode, LeafMode::Tissue);
+        let up = [0.0, 0.0, 1.0];
+        let seen = ViewedLeaf::new(leaf.leaf.words(), [0.5; 2], 0, [1.0; 4], up).light(up);
+        assert!(seen.iter().all(|value| (value - 0.5).abs() < 1e-3), "{seen:?}");
+        table.rows.pop();
+        table.write(&file).unwrap();
+        let said = leaf.add_table(&file).unwrap_err().to_string();
+        assert!(said.contains("grey.leaftable lacks wavelengths"), "{said}");
     }
 }
