@@ -1,9 +1,9 @@
 //! Makes an asset of any bytes, one that keeps to the format.
 
 use btf_runtime::{
-    Asset, Basis, Coefficients, DictionaryLobe, Edit, Edits, Factors, Heights, Layer, Level, LevelTexels, Lobe,
-    LobeFamily, LobeRef, LobeRole, LobeWeights, PredictedGroup, Relief, Residual, ResidualKind, SharedBases, Sphere,
-    SurfaceSide,
+    Asset, BAND_RANGE_NM, Basis, Coefficients, DictionaryLobe, Edit, Edits, Factors, Heights, Layer, Level,
+    LevelTexels, Lobe, LobeFamily, LobeRef, LobeRole, LobeWeights, MAX_BAND_WEIGHT, MAX_GROUPS, PredictedGroup, Relief,
+    Residual, ResidualKind, SharedBases, Spectrum, Sphere, SurfaceSide,
 };
 
 /// A source of numbers taken from bytes; zeros when they are used up.
@@ -45,12 +45,14 @@ impl Source<'_> {
 }
 
 /// Returns the asset that `bytes` describe: up to 8 x 8 texels, 4 layers, 3 clusters, 6 directions a set, with or
-/// without residual, heights, levels and edits. The bytes determine every choice and every number.
+/// without residual, heights, levels, edits and a spectrum of up to 5 bands. The bytes determine every choice and every number.
 pub fn any_asset(bytes: &[u8]) -> Asset {
     let source = &mut Source(bytes);
     let (width, height) = (1 + source.below(8), 1 + source.below(8));
     let layer_count = 1 + source.below(4);
-    let layers: Vec<Layer> = (0..layer_count).map(|number| any_layer(source, number, width * height)).collect();
+    let spectrum = source.flag().then(|| any_spectrum(source));
+    let groups = spectrum.as_ref().map_or(1, |spectrum| spectrum.groups);
+    let layers: Vec<Layer> = (0..layer_count).map(|number| any_layer(source, number, groups, width * height)).collect();
     let mut levels = Vec::new();
     let mut size = [width, height];
     for _ in 0..source.below(4) {
@@ -74,11 +76,29 @@ pub fn any_asset(bytes: &[u8]) -> Asset {
         height,
         size_mm: source.flag().then(|| [source.within(1e-3, 1e6), source.within(1e-3, 1e6)]),
         seamless: [source.flag(), source.flag()],
-        spectrum: None,
+        spectrum,
         material: String::from_utf8_lossy(&source.0[..source.0.len().min(40)]).into_owned(),
         layers,
         levels,
         edits,
+    }
+}
+
+fn any_spectrum(source: &mut Source) -> Spectrum {
+    let (bands, groups) = (1 + source.below(5), 1 + source.below(MAX_GROUPS));
+    let weights = |source: &mut Source| {
+        let mut weights = [0.0; 3 * MAX_GROUPS];
+        weights[..3 * groups].fill_with(|| source.within(-MAX_BAND_WEIGHT, MAX_BAND_WEIGHT));
+        weights
+    };
+    let step = (BAND_RANGE_NM.end() - BAND_RANGE_NM.start()) / bands as f32;
+    Spectrum {
+        wavelengths_nm: (0..bands)
+            .map(|band| BAND_RANGE_NM.start() + step * (band as f32 + source.within(0.0, 0.9)))
+            .collect(),
+        groups,
+        weights: source.list(bands, weights),
+        shown: [(); 3].map(|()| weights(source)),
     }
 }
 
@@ -93,14 +113,14 @@ fn any_edit(source: &mut Source) -> Edit {
     }
 }
 
-/// Returns up to 6 directions: the pole and points on rings that do not coincide.
-fn any_sphere(source: &mut Source) -> Sphere {
+/// Returns up to 6 directions, the pole and points on rings that do not coincide, `rounds` times.
+fn any_sphere(source: &mut Source, rounds: usize) -> Sphere {
     let mut directions = vec![[0.0, 0.0, 1.0]];
     for number in 0..source.below(6) {
         let (radius, turn) = (source.within(0.1, 0.99), number as f32 + source.within(0.0, 0.5));
         directions.push([radius * turn.cos(), radius * turn.sin(), (1.0 - radius * radius).sqrt()]);
     }
-    Sphere::new(&directions).expect("distinct unit vectors above the horizon")
+    Sphere::of_rounds(&directions.repeat(rounds), rounds).expect("distinct unit vectors above the horizon")
 }
 
 fn any_lobe(source: &mut Source) -> DictionaryLobe {
@@ -139,7 +159,7 @@ fn any_heights(source: &mut Source, texels: usize) -> Option<Heights> {
     (step > 0.0).then(|| Heights { step, codes: source.list(texels, |source| source.byte() as i8) })
 }
 
-fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
+fn any_layer(source: &mut Source, number: usize, groups: usize, texels: usize) -> Layer {
     // No two layers have the same sides.
     let side = |bit: usize| if number >> bit & 1 == 1 { SurfaceSide::Back } else { SurfaceSide::Front };
     let clusters = 1 + source.below(3);
@@ -149,7 +169,7 @@ fn any_layer(source: &mut Source, number: usize, texels: usize) -> Layer {
             source.list(lobes, any_lobe)
         })
         .collect();
-    let (lights, views) = (any_sphere(source), any_sphere(source));
+    let (lights, views) = (any_sphere(source, groups), any_sphere(source, 1));
     let (texel_clusters, texel_lobe_counts, lobe_refs) = any_texels(source, texels, &dictionary);
     let residual = source.flag().then(|| any_residual(source, [views.len(), lights.len()], clusters, texels));
     let mut layer = Layer {
