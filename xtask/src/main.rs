@@ -36,7 +36,7 @@ Usage: cargo xtask CHORE [OPTIONS]
 Chores:
   demo    make a leaf capture, fit it, measure it and render a picture of it
   test    everything that CI runs; --quick is the tier for every edit
-  check   format and clippy only
+  check   what takes a minute and no test sees: words, links, lock files, format, clippy, docs
   bench   time reading, clustering, fitting and decoding (criterion)
   blender build, install and test the add-on for Blender
   c       build and install the library for C and C++
