@@ -57,7 +57,7 @@ mod surface;
 mod vector;
 
 // What a leaf is belongs to whoever makes or lights one.
-pub use btf_models::{Deficiency, LeafContents, LeafDescription, LeafTable, Species, TABLE_GRID, TextureImages};
+pub use btf_models::{Deficiency, LeafContents, LeafDescription, LeafTable, Species, TextureImages};
 pub use cloth::capture::write_cloth_capture;
 pub use cloth::fabric::{Cloth, ClothPair, ClothPoint};
 pub use cloth::fibre::{Fibre, FibreDirection, FibrePair, FibreParams, FibreView};

@@ -100,7 +100,7 @@ pub use scene::asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
 pub use scene::camera::{Camera, CameraFrame};
 pub use scene::file::{SceneView, load_scene, scene_with_assets};
 pub use scene::landscape::{Landscape, LandscapeCounts, LandscapeParams};
-pub use scene::leaf::SceneLeaf;
+pub use scene::leaf::{SceneLeaf, scattering_of};
 pub use scene::material::{Body, Material, OwnBodies, Shown};
 pub use scene::mesh::{MeshPart, cube, plane, quad, sphere};
 pub use scene::mesh_file::{FileMesh, load_meshes};

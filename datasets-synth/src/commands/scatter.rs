@@ -57,10 +57,10 @@ pub fn run(args: &ScatterArgs) -> Result<(), Failure> {
     let started = Instant::now();
     let table = args
         .run
-        .work("table", "traces", 2, |progress| leaf_table(&model, &unit, own, args.rays, args.seed, progress))?
+        .work("table", "traces", 2, |progress| leaf_table(&unit, own, args.rays, args.seed, progress))?
         .ok_or_else(|| Failure::Usage("a model of plates has no table".into()))?;
     table.write(&args.out).map_err(|error| Failure::Failed(error.to_string()))?;
-    let channels = table.cells.len() / (4 * btf_synth::TABLE_GRID.iter().product::<usize>());
+    let channels = table.channels();
     let bytes = std::fs::metadata(&args.out).map_or(0, |about| about.len());
     let result = json!({
         "path": args.out.display().to_string(),

@@ -159,6 +159,12 @@ fn compared(args: &SpectrumArgs, sides: &[Side]) -> Result<Option<MeanSpectra>, 
     }
 }
 
+/// Returns name and values of a spectrum's reflectance and transmittance, each after its place in [`MeanSpectra::shares`].
+fn quantities(side: Side, spectrum: &Spectrum) -> [(usize, &'static str, &[Estimate]); 2] {
+    let [reflectance, transmittance] = shares_of(side);
+    [(reflectance, "reflectance", &spectrum.reflectance), (transmittance, "transmittance", &spectrum.transmittance)]
+}
+
 /// Returns the places of the reflectance and the transmittance of a face in [`MeanSpectra::shares`].
 fn shares_of(side: Side) -> [usize; 2] {
     match side {
@@ -171,8 +177,7 @@ fn shares_of(side: Side) -> [usize; 2] {
 fn errors(mean: &MeanSpectra, sides: &[Side], spectra: &[Spectrum]) -> (Value, String) {
     let (mut figures, mut text) = (json!({}), String::new());
     for (side, spectrum) in sides.iter().zip(spectra) {
-        let quantities = [("reflectance", &spectrum.reflectance), ("transmittance", &spectrum.transmittance)];
-        for (share, (quantity, values)) in shares_of(*side).into_iter().zip(quantities) {
+        for (share, quantity, values) in quantities(*side, spectrum) {
             let values: Vec<f64> = values.iter().map(|estimate| estimate.mean).collect();
             let Some(error) = mean.error_of(share, &values) else { continue };
             let (face, leaves) = (side_name(*side), mean.leaves[share]);
@@ -302,8 +307,7 @@ fn csv(sides: &[Side], spectra: &[Spectrum]) -> String {
 fn plot(args: &SpectrumArgs, sides: &[Side], spectra: &[Spectrum], compared: Option<&MeanSpectra>) -> String {
     let (mut series, mut dashed) = (Vec::new(), Vec::new());
     for (side, spectrum) in sides.iter().zip(spectra) {
-        let quantities = [("reflectance", &spectrum.reflectance), ("transmittance", &spectrum.transmittance)];
-        for (share, (quantity, values)) in shares_of(*side).into_iter().zip(quantities) {
+        for (share, quantity, values) in quantities(*side, spectrum) {
             let label = if args.both_sides { format!("{}, {quantity}", side_name(*side)) } else { quantity.into() };
             let points = spectrum.wavelength_nm.iter().copied().zip(values.iter().map(|e| e.mean)).collect();
             series.push(Series { label, points });

@@ -12,10 +12,13 @@ use crate::error::SynthError;
 use crate::leaf::model::LeafModel;
 use crate::leaf::tissue_leaf::traced_at;
 use crate::optics::abm::path_lengths::Face;
-use crate::optics::abm::scatter_table::{ScatterTable, WAYS};
+use crate::optics::abm::scatter_table::{AZIMUTHS, COSINES, INCIDENCES, ScatterTable, WAYS};
 use crate::optics::colour::{RgbBands, RgbFromSpectrum};
 use crate::optics::units::Nanometres;
 use crate::surface::capture::Progress;
+
+// The file has the grid of what is traced.
+const _: () = assert!(TABLE_GRID[0] == INCIDENCES && TABLE_GRID[1] == COSINES && TABLE_GRID[2] == AZIMUTHS);
 
 /// First and last wavelength of the depths in nm, and their distance.
 const ROWS_NM: [usize; 3] = [400, 780, 10];
@@ -28,20 +31,20 @@ const TRIED: usize = 20;
 /// Faces in the order of the table.
 const FACES: [Face; 2] = [Face::Adaxial, Face::Abaxial];
 
-/// Traces the table of `model` with `rays` rays for each of 20 incidences of a face. `unit` is the same model with 1 ug/cm2 of
-/// chlorophyll and of carotenoids; `own_pigments` are those of the model, ug/cm2. Returns `None` for a model of plates.
+/// Traces the table of a model with `rays` rays for each of 20 incidences of a face. `unit` is the model with 1 ug/cm2 of chlorophyll
+/// and of carotenoids, on which no ray depends; `own_pigments` are those of its own leaf, ug/cm2. Returns `None` for a model of
+/// plates.
 ///
 /// # Errors
 /// [`SynthError::Stopped`].
 pub fn leaf_table(
-    model: &LeafModel,
     unit: &LeafModel,
     own_pigments: [f32; 2],
     rays: u64,
     seed: u64,
     progress: Progress,
 ) -> Result<Option<LeafTable>, SynthError> {
-    let (Some(tissue), Some(unit)) = (model.tissue(), unit.tissue()) else { return Ok(None) };
+    let Some(tissue) = unit.tissue() else { return Ok(None) };
     let traced_nm = traced_at(tissue, &RgbFromSpectrum::new(RgbBands::Spectral31));
     let mut tables = Vec::new();
     let total = FACES.len() * traced_nm.len();
@@ -67,10 +70,10 @@ pub fn leaf_table(
         }
     }
     let rows = (ROWS_NM[0]..=ROWS_NM[1]).step_by(ROWS_NM[2]).map(|nm| {
-        let parts = unit.depth_parts(Nanometres(nm as f64));
+        let parts = tissue.depth_parts(Nanometres(nm as f64));
         [nm as f32, parts.chlorophyll.0 as f32, parts.carotenoid.0 as f32, parts.rest.0 as f32]
     });
-    Ok(Some(LeafTable { model: model.name().to_owned(), own_pigments, rows: rows.collect(), ways, cells }))
+    Ok(Some(LeafTable { model: unit.name().to_owned(), own_pigments, rows: rows.collect(), ways, cells }))
 }
 
 /// Returns the optical depths that errors are summed over, evenly spaced in their logarithm.
@@ -219,13 +222,13 @@ mod tests {
         let one = MicrogramsPerSquareCentimetre(1.0);
         let unit = LeafModel::Abm97(Abm97 { chlorophyll: one, carotenoid: one, ..own });
         let go_on = |_: usize, _: usize| ControlFlow::Continue(());
-        let table = leaf_table(&LeafModel::Abm97(own), &unit, [43.62, 0.0], 500, 1, &go_on).unwrap().unwrap();
+        let table = leaf_table(&unit, [43.62, 0.0], 500, 1, &go_on).unwrap().unwrap();
         assert_eq!((table.model.as_str(), table.cells.len(), table.rows.len()), ("abm97", 4 * 3840, 39));
         let at = |nm: f32| table.rows.iter().find(|row| row[0] == nm).unwrap();
         let told = 43.62 * f64::from(at(550.0)[1]);
         assert!((told - own.depth_parts(Nanometres(550.0)).chlorophyll.0).abs() < 1e-4, "{told}");
-        assert!(leaf_table(&LeafModel::default(), &unit, [0.0; 2], 500, 1, &go_on).unwrap().is_none());
+        assert!(leaf_table(&LeafModel::default(), [0.0; 2], 500, 1, &go_on).unwrap().is_none());
         let stop = |_: usize, _: usize| ControlFlow::Break(());
-        assert!(leaf_table(&unit, &unit, [0.0; 2], 500, 1, &stop).is_err());
+        assert!(leaf_table(&unit, [0.0; 2], 500, 1, &stop).is_err());
     }
 }

@@ -17,6 +17,9 @@ pub const CLASSES: usize = 4;
 /// Cells of a face, a side and a channel: incidences, classes of the eye's cosine, classes of the azimuth.
 pub const TABLE_GRID: [usize; 3] = [20, 16, 12];
 
+/// Number of those cells.
+const CELLS: usize = TABLE_GRID[0] * TABLE_GRID[1] * TABLE_GRID[2];
+
 /// First bytes of the file.
 const MAGIC: [u8; 8] = *b"LEAFTABL";
 /// Bytes before the name.
@@ -67,11 +70,15 @@ impl LeafTable {
         Ok(write_file_atomically(path, &self.to_bytes())?)
     }
 
+    /// Returns the number of channels: 1 or 3.
+    pub fn channels(&self) -> usize {
+        self.cells.len() / (4 * CELLS)
+    }
+
     fn to_bytes(&self) -> Vec<u8> {
         let name = self.model.as_bytes();
-        let channels = self.cells.len() / (4 * TABLE_GRID.iter().product::<usize>());
         let mut bytes = MAGIC.to_vec();
-        for number in [1, channels, self.rows.len(), name.len()] {
+        for number in [1, self.channels(), self.rows.len(), name.len()] {
             bytes.extend((number as u32).to_le_bytes());
         }
         bytes.extend(name);
@@ -98,7 +105,7 @@ impl LeafTable {
         if !(channels == 1 || channels == 3) || rows > MAX_ROWS || name > MAX_NAME {
             return Err(format!("has {channels} channels, {rows} wavelengths and a name of {name} bytes"));
         }
-        let cells = 4 * channels * TABLE_GRID.iter().product::<usize>();
+        let cells = 4 * channels * CELLS;
         let numbers_at = HEAD + name;
         let cells_at = numbers_at + 4 * (2 + 4 * rows + 4 * CLASSES);
         if bytes.len() != cells_at + 2 * CLASSES * cells {
@@ -129,7 +136,7 @@ mod tests {
     use super::*;
 
     fn table(channels: usize) -> LeafTable {
-        let cells = 4 * channels * TABLE_GRID.iter().product::<usize>();
+        let cells = 4 * channels * CELLS;
         LeafTable {
             model: "abm97".to_owned(),
             own_pigments: [43.6, 0.0],

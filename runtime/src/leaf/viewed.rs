@@ -6,7 +6,9 @@
 //! albedo [after Kelemen & Szirmay-Kalos 2001]. Light on the other side: the body's other share, which enters through
 //! the gloss of that face and leaves through the gloss of the seen one; no lobe.
 //!
-//! When it is wrong: transmission is diffuse; tilted normals shade, but cast no shadow; light that the lobe of a tilted
+//! A leaf of [`LeafMode::Tissue`] has the table of an algorithmic model in place of all this ([`crate::LeafScattering`]).
+//!
+//! When it is wrong: in modes of plates transmission is diffuse; tilted normals shade, but cast no shadow; light that the lobe of a tilted
 //! normal sends below the horizon is lost.
 
 use crate::decode::sample::sample_about_z;

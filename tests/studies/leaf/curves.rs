@@ -36,7 +36,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     for (name, id) in SAMPLES {
         let leaves = leaves_of(&folder.join("spectra").join(format!("{id}.csvy")))?;
         fs::write(Path::new(out).join(format!("{name}.csv")), table(&leaves))?;
-        let spread = MeanSpectra::of(&leaves, &wavelengths_nm(RANGES_NM[1]));
+        let mean = MeanSpectra::of(&leaves, &wavelengths_nm(RANGES_NM[1]));
         let told = chemistry.get(id).ok_or("the metadata lack a sample")?;
         let of = |column: &str| told.get(column).copied().ok_or("the chemistry of a sample is incomplete");
         let contents = LeafContents {
@@ -47,7 +47,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
             structure: of("leaf_prospect_N")?,
             ..LeafContents::default()
         };
-        row(name, "`plate-n`, the chemistry and N of the sample", &spread, |nm| {
+        row(name, "`plate-n`, the chemistry and N of the sample", &mean, |nm| {
             let plates = PlateModel::N;
             let optics = plate_spectrum(plates, plates.default_table(), &contents, PROSPECT_CONE_DEG, nm)?;
             Ok(optics.iter().map(|optics| [optics.reflectance, optics.transmittance]).collect())
@@ -58,7 +58,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
         let models: [(&str, &dyn Tissue); 2] =
             if name == "soybean" { [("`abm97`", &old), ("`abm-b`", &b)] } else { [("`abm-b`", &b), ("`abm-u`", &u)] };
         for (label, tissue) in models {
-            row(name, label, &spread, |nm| traced(tissue, nm))?;
+            row(name, label, &mean, |nm| traced(tissue, nm))?;
         }
         println!("| {name} | one leaf of the sample, mean of five | {} |", own_spread(&leaves));
     }

@@ -59,10 +59,20 @@ pub fn contents_of(state: &LeafState) -> LeafContents {
 /// # Panics
 /// For a state that is not finite.
 pub fn body_colours(state: &LeafState, factors: [f32; 4]) -> [[f64; 3]; 2] {
+    let leaf = dull_leaf(state, factors);
+    [1.0, -1.0].map(|light| along_normal(&leaf, 1.0, light))
+}
+
+/// Makes a leaf without gloss.
+fn dull_leaf(state: &LeafState, factors: [f32; 4]) -> Leaf {
     let texel = LeafTexel { factors, gloss: [0.0; 2], ..LeafTexel::default() };
-    let leaf = Leaf::new(state, &LeafTexture::uniform(texel)).expect("the state is finite");
-    let viewed = ViewedLeaf::new(leaf.words(), [0.5; 2], 0, [1.0; 4], [0.0, 0.0, 1.0]);
-    [1.0, -1.0].map(|z| viewed.light([0.0, 0.0, z]).map(f64::from))
+    Leaf::new(state, &LeafTexture::uniform(texel)).expect("the state is finite")
+}
+
+/// Returns what an eye sees of a light, each along the normal, above (1) or below (-1) the leaf.
+fn along_normal(leaf: &Leaf, eye: f32, light: f32) -> [f64; 3] {
+    let viewed = ViewedLeaf::new(leaf.words(), [0.5; 2], 0, [1.0; 4], [0.0, 0.0, eye]);
+    viewed.light([0.0, 0.0, light]).map(f64::from)
 }
 
 /// Linear sRGB of what the live body reflects from its back, like [`body_colours`].
@@ -70,9 +80,7 @@ pub fn body_colours(state: &LeafState, factors: [f32; 4]) -> [[f64; 3]; 2] {
 /// # Panics
 /// For a state that is not finite.
 pub fn back_colour(state: &LeafState, factors: [f32; 4]) -> [f64; 3] {
-    let texel = LeafTexel { factors, gloss: [0.0; 2], ..LeafTexel::default() };
-    let leaf = Leaf::new(state, &LeafTexture::uniform(texel)).expect("the state is finite");
-    ViewedLeaf::new(leaf.words(), [0.5; 2], 0, [1.0; 4], [0.0, 0.0, -1.0]).light([0.0, 0.0, -1.0]).map(f64::from)
+    along_normal(&dull_leaf(state, factors), -1.0, -1.0)
 }
 
 /// Colours of the front, of the back and of the transmitted light by the reference's two halves, with the limit of the live leaf.
@@ -134,15 +142,15 @@ const REPEATS: usize = 9;
 /// States that colours are compared over.
 const STATES: usize = 2000;
 
-/// Nanoseconds per place of `work`, which treats all of them.
-fn nanoseconds(mut work: impl FnMut()) -> f64 {
+/// Nanoseconds per place of `work`, which treats `places` of them.
+pub(crate) fn nanoseconds(places: usize, mut work: impl FnMut()) -> f64 {
     let mut once = || {
         let started = Instant::now();
         work();
         started.elapsed().as_secs_f64()
     };
     once();
-    (0..REPEATS).map(|_| once()).fold(f64::MAX, f64::min) * 1e9 / PLACES as f64
+    (0..REPEATS).map(|_| once()).fold(f64::MAX, f64::min) * 1e9 / places as f64
 }
 
 fn textures(random: &mut Random) -> LeafTexture {
@@ -178,14 +186,14 @@ pub fn run(_: &[String]) -> Result<(), Box<dyn Error>> {
     let states = random_states(33, STATES);
     for (mode, state) in modes_of(&LeafState::default()).into_iter().enumerate() {
         let leaf = Leaf::new(&state, &texture).expect("the state is finite");
-        let view = nanoseconds(|| {
+        let view = nanoseconds(PLACES, || {
             for (uv, _, wo) in &places {
                 black_box(ViewedLeaf::new(leaf.words(), *uv, 0, [1.0; 4], *wo));
             }
         });
         let viewed: Vec<ViewedLeaf> =
             places.iter().map(|(uv, _, wo)| ViewedLeaf::new(leaf.words(), *uv, 0, [1.0; 4], *wo)).collect();
-        let light = nanoseconds(|| {
+        let light = nanoseconds(PLACES, || {
             for (viewed, (_, wi, _)) in viewed.iter().zip(&places) {
                 black_box(viewed.light(*wi));
             }

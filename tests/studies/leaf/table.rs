@@ -8,15 +8,16 @@ use std::error::Error;
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
 use std::ops::ControlFlow;
-use std::time::Instant;
 
+use crate::leaf::live::nanoseconds;
 use crate::leaf::trade::{Spread, delta_e00_linear};
 use btf_runtime::testing::{Random, direction_from_degrees};
-use btf_runtime::{LEAF_BAND_NM, Leaf, LeafMode, LeafScattering, LeafState, LeafTexel, LeafTexture, ViewedLeaf};
+use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf};
 use btf_synth::{
     Abm97, AbmB, AbmU, Face, LeafModel, LeafTable, MicrogramsPerSquareCentimetre, Nanometres, Parallel, RgbBands,
     RgbFromSpectrum, leaf_table, trace_path_lengths,
 };
+use btf_viewer::scattering_of;
 
 /// Contents of chlorophyll and carotenoids in ug/cm2.
 pub const CONTENTS: [[f32; 2]; 4] = [[5.0, 2.0], [20.0, 8.0], [45.0, 8.0], [80.0, 15.0]];
@@ -49,7 +50,7 @@ pub fn with_contents(model: &LeafModel, [chlorophyll, carotenoid]: [f32; 2]) -> 
 /// Those of [`leaf_table`]; a model of plates.
 pub fn table_of(model: &LeafModel, rays: u64) -> Result<LeafTable, Box<dyn Error>> {
     let go_on = |_: usize, _: usize| ControlFlow::Continue(());
-    let table = leaf_table(model, &with_contents(model, [1.0; 2]), [0.0; 2], rays, 1, &go_on)?;
+    let table = leaf_table(&with_contents(model, [1.0; 2]), [0.0; 2], rays, 1, &go_on)?;
     table.ok_or_else(|| "plates have no table".into())
 }
 
@@ -58,15 +59,10 @@ pub fn table_of(model: &LeafModel, rays: u64) -> Result<LeafTable, Box<dyn Error
 /// # Errors
 /// A table without the bands of live leaves; those of [`Leaf::add_scattering`].
 pub fn leaf_of(table: &LeafTable, [chlorophyll, carotenoid]: [f32; 2]) -> Result<Leaf, Box<dyn Error>> {
-    let mut depths = [[0.0; 3]; LEAF_BAND_NM.len()];
-    for (depths, nm) in depths.iter_mut().zip(LEAF_BAND_NM) {
-        let row = table.rows.iter().find(|row| row[0] == nm).ok_or("a table lacks a band")?;
-        *depths = [row[1], row[2], row[3]];
-    }
     let state =
         LeafState { chlorophyll_ug_per_cm2: chlorophyll, carotenoid_ug_per_cm2: carotenoid, ..LeafState::default() };
     let mut leaf = Leaf::new(&state, &LeafTexture::uniform(LeafTexel::default()))?;
-    leaf.add_scattering(&LeafScattering { depths, ways: table.ways, cells: table.cells.clone() })?;
+    leaf.add_scattering(&scattering_of(table).ok_or("a table lacks a band")?)?;
     leaf.set_state(&LeafState { mode: LeafMode::Tissue, ..state })?;
     Ok(leaf)
 }
@@ -115,7 +111,7 @@ pub fn traced_colours(model: &LeafModel, face: Face, incidence_deg: f64, rays: u
 }
 
 /// Nanoseconds of the view half and of the light half at random directions, the fastest of some measurements.
-fn nanoseconds(leaf: &Leaf) -> [f64; 2] {
+fn times(leaf: &Leaf) -> [f64; 2] {
     const PLACES: usize = 1 << 13;
     let mut random = Random::new(3);
     let mut direction = || {
@@ -125,20 +121,12 @@ fn nanoseconds(leaf: &Leaf) -> [f64; 2] {
     let places: Vec<([f32; 3], [f32; 3])> = (0..PLACES).map(|_| (direction(), direction())).collect();
     let viewed = |wo: [f32; 3]| ViewedLeaf::new(leaf.words(), [0.5; 2], 0, [1.0; 4], wo);
     let seen: Vec<ViewedLeaf> = places.iter().map(|(wo, _)| viewed(*wo)).collect();
-    let fastest = |work: &mut dyn FnMut()| {
-        let once = |work: &mut dyn FnMut()| {
-            let started = Instant::now();
-            work();
-            started.elapsed().as_secs_f64()
-        };
-        (0..9).map(|_| once(work)).fold(f64::MAX, f64::min) * 1e9 / PLACES as f64
-    };
-    let view = fastest(&mut || {
+    let view = nanoseconds(PLACES, || {
         for (wo, _) in &places {
             black_box(viewed(*wo));
         }
     });
-    let light = fastest(&mut || {
+    let light = nanoseconds(PLACES, || {
         for (seen, (_, wi)) in seen.iter().zip(&places) {
             black_box(seen.light(*wi));
         }
@@ -154,7 +142,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     println!("| model | bytes | R, Delta E00 mean | max | T, Delta E00 mean | max | ns view half | ns light half |");
     println!("|---|---|---|---|---|---|---|---|");
     let plates = Leaf::new(&LeafState::default(), &LeafTexture::uniform(LeafTexel::default()))?;
-    let [view, light] = nanoseconds(&plates);
+    let [view, light] = times(&plates);
     println!("| plates, `n-layers` | | | | | | {view:.0} | {light:.0} |");
     for model in &models {
         let table = table_of(model, rays)?;
@@ -171,7 +159,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
         }
         let [r, t] = errors.map(Spread::of);
         let leaf = leaf_of(&table, CONTENTS[2])?;
-        let [view, light] = nanoseconds(&leaf);
+        let [view, light] = times(&leaf);
         println!(
             "| `{}` | {} | {:.2} | {:.2} | {:.2} | {:.2} | {view:.0} | {light:.0} |",
             model.name(),

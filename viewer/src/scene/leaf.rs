@@ -107,7 +107,7 @@ impl SceneLeaf {
 }
 
 /// Returns what decoders take of a table: its depths at the wavelengths of their bands; `None` where it lacks one.
-fn scattering_of(table: &LeafTable) -> Option<LeafScattering> {
+pub fn scattering_of(table: &LeafTable) -> Option<LeafScattering> {
     let mut depths = [[0.0; 3]; LEAF_BAND_NM.len()];
     for (depths, nm) in depths.iter_mut().zip(LEAF_BAND_NM) {
         let [_, chlorophyll, carotenoid, rest] = table.rows.iter().find(|row| row[0] == nm)?;

@@ -23,11 +23,11 @@ use crate::optics::abm::stack::Stack;
 use crate::optics::abm::walk::{Absorption, End, walk};
 
 /// Number of incidences.
-const INCIDENCES: usize = 20;
+pub(crate) const INCIDENCES: usize = 20;
 /// Number of classes of the outgoing cosine.
-const COSINES: usize = 16;
+pub(crate) const COSINES: usize = 16;
 /// Number of classes of the azimuth.
-const AZIMUTHS: usize = 12;
+pub(crate) const AZIMUTHS: usize = 12;
 /// Number of classes of path lengths.
 pub(crate) const WAYS: usize = 16;
 
