@@ -185,7 +185,7 @@ mod tests {
                     pair,
                     light: pair % 5,
                     plan,
-                    image: TiledImage::new(&pixels, decoder.tiles()),
+                    images: TiledImage::sets_of(&pixels, 3, decoder.tiles()),
                     colour_every: None,
                 }
             };

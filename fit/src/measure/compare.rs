@@ -6,7 +6,7 @@
 
 use crate::error::FitError;
 use crate::gpu::fit_gpu::FitGpu;
-use crate::input::layer_frame::{side_of_layer, sides_of_capture, turn_image, turn_map};
+use crate::input::layer_frame::{side_of_layer, sides_of_capture, turn_channels, turn_map};
 use crate::input::pair_stride::stride_over_pairs;
 use crate::input::tone_curve::ToneCurve;
 use crate::measure::batch_errors::BatchErrors;
@@ -147,30 +147,6 @@ impl Comparison {
         (self.pairs.len() * self.channels) as f64
     }
 
-    /// Counts `count` channels only; the others were 0 in capture and asset.
-    pub(crate) fn keep_channels(&mut self, count: usize) {
-        self.channels = count;
-        self.count_samples();
-    }
-
-    /// Adds the errors of other channels at the same pairs.
-    pub(crate) fn add_channels(&mut self, other: &Comparison) {
-        self.channels += other.channels;
-        self.sums.add(&other.sums);
-        self.texel_code_error.iter_mut().zip(&other.texel_code_error).for_each(|(sum, error)| *sum += error);
-        self.texel_linear_error.iter_mut().zip(&other.texel_linear_error).for_each(|(sum, error)| *sum += error);
-        self.pair_code_error.iter_mut().zip(&other.pair_code_error).for_each(|(sum, error)| *sum += error);
-        self.count_samples();
-    }
-
-    /// Counts the samples of the channels that there are, and finds the worst texel over them.
-    fn count_samples(&mut self) {
-        let per_texel = self.samples_per_texel();
-        self.sums.samples = (per_texel * self.texel_code_error.len() as f64) as u64;
-        let mean = |error: &f64| error / per_texel;
-        self.sums.worst_texel = self.texel_linear_error.iter().map(mean).fold(0.0, f64::max);
-    }
-
     fn is_measured(&self) -> Vec<bool> {
         let mut measured = vec![false; self.views * self.lights];
         self.pairs.iter().for_each(|pair| measured[*pair] = true);
@@ -247,7 +223,7 @@ pub fn measure_images(
 pub(crate) struct CaptureImages<'a> {
     /// Directions, size and format.
     pub info: &'a CaptureInfo,
-    /// Function that returns the image of a view and a light.
+    /// Function that returns the image of a view and a light, with the values of a texel that the decoder gives.
     pub read: &'a (dyn Fn(usize, usize) -> Result<Pixels, FitError> + Sync),
     /// Tone curve of the capture.
     pub tone_curve: Option<ToneCurve>,
@@ -284,7 +260,7 @@ pub(crate) fn measure_decoder(
         )));
     }
     let layer = &asset.layers[params.layer];
-    let (texels, lights) = (info.texel_count(), info.lights.len());
+    let (texels, lights, values) = (info.texel_count(), info.lights.len(), decoder.values());
     let view_spots = Spot::of_set(&layer.views, &info.views, info.side);
     let light_spots = Spot::of_set(&layer.lights, &info.lights, info.side);
     let coding = Coding::new(info, tone_curve);
@@ -296,7 +272,8 @@ pub(crate) fn measure_decoder(
     let texel_stride = (texels * pairs.len().div_ceil(stride.max(1)) / COLOURS).max(1);
 
     // A linear image is held in single precision.
-    let batch = ((params.memory_bytes / 8) as usize / (texels * 12)).clamp(1, MAX_PAIRS).min(pairs.len().max(1));
+    let batch_bytes = (params.memory_bytes / 8) as usize;
+    let batch = (batch_bytes / (texels * 12 * decoder.sets())).clamp(1, MAX_PAIRS).min(pairs.len().max(1));
     let sizes = BatchSizes {
         lights,
         pairs: info.pair_count(),
@@ -316,12 +293,12 @@ pub(crate) fn measure_decoder(
                 let plan = decoder.plan(view_spots[view], light_spots[light]);
                 let mut pixels = read(view, light)?;
                 match &mut pixels {
-                    Pixels::Encoded8(codes) => turn_image(codes, info.width, info.side),
-                    Pixels::Linear(values) => turn_image(values, info.width, info.side),
+                    Pixels::Encoded8(codes) => turn_channels(codes, values, info.width, info.side),
+                    Pixels::Linear(linear) => turn_channels(linear, values, info.width, info.side),
                 }
-                let image = TiledImage::new(&pixels, decoder.tiles());
+                let images = TiledImage::sets_of(&pixels, values, decoder.tiles());
                 let colour_every = (stride > 0 && pair % stride == 0).then_some(texel_stride);
-                Ok(PairWork { pair, light, plan, image, colour_every })
+                Ok(PairWork { pair, light, plan, images, colour_every })
             })
             .collect::<Result<_, FitError>>()?;
         errors.take(work);
@@ -329,8 +306,8 @@ pub(crate) fn measure_decoder(
     let (tile_errors, pair_code_error) = errors.finish();
     monitor.report("measure", pairs.len(), pairs.len())?;
 
-    let per_texel = (pairs.len() * 3) as f64;
-    let mut sums = ErrorSums { samples: (texels * pairs.len() * 3) as u64, tone_curve, ..ErrorSums::default() };
+    let per_texel = (pairs.len() * values) as f64;
+    let mut sums = ErrorSums { samples: (texels * pairs.len() * values) as u64, tone_curve, ..ErrorSums::default() };
     let (mut texel_linear_error, mut texel_code_error) = (vec![0.0; texels], vec![0; texels]);
     for (tile, errors) in decoder.tiles().iter().zip(&tile_errors) {
         sums.add(&errors.sums());
@@ -355,7 +332,7 @@ pub(crate) fn measure_decoder(
         texel_code_error,
         texel_linear_error,
         pair_code_error,
-        channels: 3,
+        channels: values,
     })
 }
 

@@ -7,7 +7,7 @@ use crate::measure::image_decoder::{ImageDecoder, Spot};
 use crate::monitor::Monitor;
 use crate::provenance::Material;
 use btf_capture::{CaptureInfo, CaptureWriter, DirectionSet, ImageFormat};
-use btf_runtime::{Asset, Channels, DecodeOptions, Resident, Spectrum, Sphere, SurfaceSide, ViewedTexel};
+use btf_runtime::{Asset, DecodeOptions, Resident, Spectrum, Sphere, SurfaceSide, ViewedTexel};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -83,12 +83,10 @@ pub fn expand(
     let info = expand_info(asset, params)?;
     let layer = &asset.layers[params.layer];
     let spectrum = asset.spectrum.as_ref().filter(|_| !info.wavelengths_nm.is_empty());
-    let decoders: Vec<ImageDecoder> = match spectrum {
-        None => vec![ImageDecoder::new(asset, resident, params.layer, &params.options)],
-        Some(spectrum) => (0..spectrum.groups)
-            .map(|group| ImageDecoder::new(asset, resident, params.layer, &params.options).showing(channels_of(group)))
-            .collect(),
-    };
+    let mut decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
+    if let Some(spectrum) = spectrum {
+        decoder = decoder.showing(&spectrum.weights);
+    }
     // The writer refuses directions on another side of the surface than the layer's.
     let writer = CaptureWriter::create(dir, info.clone())?;
     let views = Spot::of_set(&layer.views, &info.views, info.side);
@@ -98,16 +96,8 @@ pub fn expand(
     (0..pairs).into_par_iter().try_for_each(|pair| -> Result<(), FitError> {
         monitor.report("expand", done.fetch_add(1, Ordering::Relaxed), pairs)?;
         let (view, light) = (pair / lights.len(), pair % lights.len());
-        let plan = decoders[0].plan(views[view], lights[light]);
-        let mut images = decoders.iter().map(|decoder| {
-            let mut image = vec![0.0; texels * 3];
-            decoder.decode_image(&plan, &mut image);
-            image
-        });
-        let mut image = match spectrum {
-            Some(spectrum) => bands_of(spectrum, &images.collect::<Vec<_>>()),
-            None => images.next().unwrap_or_default(),
-        };
+        let mut image = vec![0.0; texels * decoder.values()];
+        decoder.decode_image(&decoder.plan(views[view], lights[light]), &mut image);
         show_edits(asset, resident, params, [views[view], lights[light]], spectrum, &mut image);
         turn_channels(&mut image, info.channels(), info.width, info.side);
         Ok(writer.write(view, light, &image)?)
@@ -116,25 +106,6 @@ pub fn expand(
     writer.finish()?;
     monitor.report("expand", pairs, pairs)?;
     Ok(info)
-}
-
-/// Returns the weights that show the channels of a group as they are.
-fn channels_of(group: usize) -> [Channels; 3] {
-    [0, 1, 2].map(|value| std::array::from_fn(|channel| f32::from(u8::from(channel == 3 * group + value))))
-}
-
-/// Returns the bands `[texel, band]` of images of the channels of each group.
-fn bands_of(spectrum: &Spectrum, groups: &[Vec<f32>]) -> Vec<f32> {
-    let texels = groups.first().map_or(0, |image| image.len() / 3);
-    let mut bands = Vec::with_capacity(texels * spectrum.weights.len());
-    for texel in 0..texels {
-        let mut channels = Channels::default();
-        for (group, image) in groups.iter().enumerate() {
-            channels[3 * group..3 * group + 3].copy_from_slice(&image[3 * texel..3 * texel + 3]);
-        }
-        bands.extend(spectrum.bands(channels));
-    }
-    bands
 }
 
 /// Decodes texels that were edited once more, with their edits, as bands of `spectrum` where there is one.

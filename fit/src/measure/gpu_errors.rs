@@ -119,7 +119,8 @@ impl<'a> GpuErrors<'a> {
 
     /// Returns whether the adapter can measure `batch`: plain sums, and images of 8-bit values.
     pub fn takes(batch: &[PairWork]) -> bool {
-        let is_plain = |work: &PairWork| work.plan.plain().is_some() && matches!(work.image, TiledImage::Codes(_));
+        let is_plain =
+            |work: &PairWork| work.plan.plain().is_some() && matches!(work.images[..], [TiledImage::Codes(_)]);
         batch.len() <= MAX_PAIRS && batch.iter().all(is_plain)
     }
 
@@ -151,7 +152,7 @@ impl<'a> GpuErrors<'a> {
         }
         let mut at = 0;
         for work in batch {
-            if let TiledImage::Codes(tiles) = &work.image {
+            if let TiledImage::Codes(tiles) = &work.images[0] {
                 let bytes = tiles.as_flattened().as_flattened();
                 gpu.queue.write_buffer(&buffers.images, at, bytes);
                 at += bytes.len() as u64;

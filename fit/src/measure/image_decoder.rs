@@ -10,7 +10,8 @@ use btf_capture::{DirectionSet, Side};
 use btf_runtime::twin_constants::MAX_CHANNEL;
 use btf_runtime::{
     Asset, Channels, DecodeOptions, HORIZON_COS, HeightField, HeightUse, Interpolation, Layer, LobeRole, LobeSetup,
-    Neighbours, RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, SurfaceSide, ViewedTexel, block,
+    MAX_GROUPS, Neighbours, RATIO_EPSILON, RATIO_RANGE, Resident, SeenBy, SingleBases, Sphere, SurfaceSide,
+    ViewedTexel, block,
 };
 use half::f16;
 use pulp::{Arch, Simd, WithSimd};
@@ -82,11 +83,17 @@ pub struct ImageDecoder<'a> {
     /// Number of each cluster's first lobe in `setups`.
     first_lobe: Vec<usize>,
     tiles: Vec<TexelTile>,
-    /// What follows from the channels of an asset with a spectrum.
-    shown: Option<[Channels; 3]>,
+    /// Weights of the channels of an asset with a spectrum in the values that are given, `[set][value]`: three to a set, of which
+    /// the last is filled up with zeros. Empty for an asset of colours.
+    shown: Vec<[Channels; 3]>,
+    /// Values that are given for a texel: three colours, or bands.
+    values: usize,
     /// Groups of channels.
     groups: usize,
 }
+
+/// Channels of a tile of texels, `[group]`; those of groups that nothing follows from are any finite numbers.
+pub type TileChannels = [TileRgb; MAX_GROUPS];
 
 /// Everything that all texels share at one pair of directions.
 pub struct PairPlan {
@@ -151,7 +158,7 @@ impl<'a> ImageDecoder<'a> {
             first_lobe.push(setups.len());
             setups.extend(dictionary.iter().map(|entry| entry.lobe.setup()));
         }
-        ImageDecoder {
+        let decoder = ImageDecoder {
             layer: source,
             number: layer,
             options: *options,
@@ -172,7 +179,12 @@ impl<'a> ImageDecoder<'a> {
             first_lobe,
             tiles: texel_tiles(source, bases, options.lobes as usize),
             groups: spectrum.as_ref().map_or(1, |spectrum| spectrum.groups),
-            shown: spectrum.map(|spectrum| spectrum.shown),
+            shown: Vec::new(),
+            values: 3,
+        };
+        match spectrum {
+            Some(spectrum) => decoder.showing(&spectrum.shown),
+            None => decoder,
         }
     }
 
@@ -197,15 +209,26 @@ impl<'a> ImageDecoder<'a> {
         [self.first_lobe.len(), self.setups.len(), self.used_words]
     }
 
-    /// Returns this decoder of an asset with a spectrum, giving other values than the asset asks for: weights of the
-    /// channels, `[value][channel]`.
-    pub fn showing(self, shown: [Channels; 3]) -> ImageDecoder<'a> {
-        ImageDecoder { shown: self.shown.map(|_| shown), ..self }
+    /// Returns this decoder of an asset with a spectrum, giving other values than the asset asks for, of which there may be
+    /// any number: weights of the channels in each, as those of [`btf_runtime::Spectrum::weights`] for all bands.
+    pub fn showing(self, weights: &[Channels]) -> ImageDecoder<'a> {
+        let set = |set: &[Channels]| std::array::from_fn(|value| set.get(value).copied().unwrap_or_default());
+        ImageDecoder { shown: weights.chunks(3).map(set).collect(), values: weights.len(), ..self }
     }
 
     /// Returns whether values follow from the channels of a spectrum.
     pub(crate) fn is_spectral(&self) -> bool {
-        self.shown.is_some()
+        !self.shown.is_empty()
+    }
+
+    /// Returns the number of values that are given for a texel: three colours, or bands.
+    pub fn values(&self) -> usize {
+        self.values
+    }
+
+    /// Returns the number of sets of three that these values come in.
+    pub fn sets(&self) -> usize {
+        self.values.div_ceil(3)
     }
 
     /// Returns the tiles of all texels of the layer, each texel once.
@@ -435,35 +458,50 @@ impl<'a> ImageDecoder<'a> {
         image
     }
 
-    /// Decodes linear reflectance x cosine of `tile`'s texels at `plan`'s pair. `weights` must be those of this tile.
+    /// Decodes the channels of `tile`'s texels at `plan`'s pair, from which [`ImageDecoder::show`] makes values. `weights` must be
+    /// those of this tile.
     ///
     /// At a measured pair the same operations in the same order as [`btf_runtime::decode_measured`].
     /// Cost: about 3 ns and 0.2 ns per basis a sample on one core.
     #[inline(always)]
-    pub fn decode_tile<S: Simd>(
+    pub fn decode_channels<S: Simd>(
         &self,
         simd: S,
         tile: &TexelTile,
         weights: &BasisWeights,
         plan: &PairPlan,
-        out: &mut TileRgb,
+        out: &mut TileChannels,
     ) {
-        let Some(shown) = &self.shown else { return self.decode_group(simd, tile, weights, plan, out) };
-        let mut sums = [[0.0; TILE_TEXELS]; 3];
-        let mut of_group = *out;
-        for (group, plan) in std::iter::once(plan).chain(&plan.more).enumerate() {
-            if shown.iter().all(|weights| weights[3 * group..3 * group + 3] == [0.0; 3]) {
-                continue;
+        for ((group, plan), out) in std::iter::once(plan).chain(&plan.more).enumerate().zip(out) {
+            if self.uses(group) {
+                self.decode_group(simd, tile, weights, plan, out);
             }
-            self.decode_group(simd, tile, weights, plan, &mut of_group);
-            for (sums, weights) in sums.iter_mut().zip(shown) {
-                for (channel, values) in of_group.iter().enumerate() {
+        }
+    }
+
+    /// Makes a set of three values from `channels`: linear reflectance x cosine, of colours or bands.
+    #[inline(always)]
+    pub fn show(&self, channels: &TileChannels, set: usize, out: &mut TileRgb) {
+        let Some(shown) = self.shown.get(set) else {
+            *out = channels[0];
+            return;
+        };
+        *out = [[0.0; TILE_TEXELS]; 3];
+        for (group, channels) in channels.iter().enumerate().take(self.groups).filter(|(group, _)| self.uses(*group)) {
+            for (sums, weights) in out.iter_mut().zip(shown) {
+                for (channel, values) in channels.iter().enumerate() {
                     let weight = weights[3 * group + channel];
                     sums.iter_mut().zip(values).for_each(|(sum, x)| *sum += weight * x.min(MAX_CHANNEL));
                 }
             }
         }
-        *out = sums.map(|sums| sums.map(|sum| sum.max(0.0)));
+        out.as_flattened_mut().iter_mut().for_each(|sum| *sum = sum.max(0.0));
+    }
+
+    /// Returns whether a value follows from a group of channels.
+    fn uses(&self, group: usize) -> bool {
+        let is_there = |weights: &Channels| weights[3 * group..3 * group + 3] != [0.0; 3];
+        self.shown.is_empty() || self.shown.as_flattened().iter().any(is_there)
     }
 
     /// Decodes the channels of a group of `tile`'s texels.
@@ -492,7 +530,7 @@ impl<'a> ImageDecoder<'a> {
         }
     }
 
-    /// Decodes a whole image at `plan`'s pair, `[texel, channel]`: every tile through [`ImageDecoder::decode_tile`].
+    /// Decodes a whole image at `plan`'s pair, `[texel, value]`, tile by tile.
     pub fn decode_image(&self, plan: &PairPlan, out: &mut [f32]) {
         Arch::new().dispatch(DecodeTiles { decoder: self, plan, out });
     }
@@ -500,13 +538,17 @@ impl<'a> ImageDecoder<'a> {
     #[inline(always)]
     fn decode_tiles<S: Simd>(&self, simd: S, plan: &PairPlan, out: &mut [f32]) {
         let mut weights = BasisWeights::default();
+        let mut channels = [[[0.0; TILE_TEXELS]; 3]; MAX_GROUPS];
         let mut decoded = [[0.0; TILE_TEXELS]; 3];
         for tile in &self.tiles {
             tile.unpack(&mut weights);
-            self.decode_tile(simd, tile, &weights, plan, &mut decoded);
-            for (i, texel) in tile.texels.iter().enumerate() {
-                let at = *texel as usize * 3;
-                out[at..at + 3].copy_from_slice(&[decoded[0][i], decoded[1][i], decoded[2][i]]);
+            self.decode_channels(simd, tile, &weights, plan, &mut channels);
+            for set in 0..self.sets() {
+                self.show(&channels, set, &mut decoded);
+                for (i, texel) in tile.texels.iter().enumerate() {
+                    let texel = &mut out[*texel as usize * self.values..][3 * set..self.values.min(3 * set + 3)];
+                    texel.iter_mut().zip(&decoded).for_each(|(value, decoded)| *value = decoded[i]);
+                }
             }
         }
     }

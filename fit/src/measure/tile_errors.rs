@@ -3,10 +3,11 @@
 //! A sum belongs to a texel or a tile and grows in the order of the pairs, so that no number depends on threads.
 
 use crate::input::tone_curve::ToneCurve;
-use crate::measure::image_decoder::{ImageDecoder, PairPlan};
+use crate::measure::image_decoder::{ImageDecoder, PairPlan, TileChannels};
 use crate::measure::texel_tiles::{BasisWeights, TILE_TEXELS, TexelTile, TileRgb};
 use crate::metrics::ErrorSums;
 use btf_capture::{CaptureInfo, Cosine, Encoder8, ImageFormat, LabConverter, Pixels, delta_e00};
+use btf_runtime::MAX_GROUPS;
 use pulp::{Arch, Simd, WithSimd};
 
 /// 8-bit values per channel and texel of a tile; 0 behind the tile's last texel.
@@ -74,7 +75,7 @@ impl Coding {
     }
 }
 
-/// An image in the order of the tiles.
+/// Three values of each texel of an image, in the order of the tiles.
 pub enum TiledImage {
     /// 8-bit values.
     Codes(Vec<TileCodes>),
@@ -83,25 +84,27 @@ pub enum TiledImage {
 }
 
 impl TiledImage {
-    /// Returns `pixels`, `[texel, channel]`, cut into `tiles`.
-    pub fn new(pixels: &Pixels, tiles: &[TexelTile]) -> TiledImage {
-        match pixels {
-            Pixels::Encoded8(codes) => TiledImage::Codes(tiles.iter().map(|tile| cut(codes, tile)).collect()),
-            Pixels::Linear(values) => TiledImage::Linear(tiles.iter().map(|tile| cut(values, tile)).collect()),
-        }
+    /// Returns `pixels`, `[texel, value]` with `values` of each texel, cut into `tiles`, in sets of three values.
+    pub fn sets_of(pixels: &Pixels, values: usize, tiles: &[TexelTile]) -> Vec<TiledImage> {
+        let of_set = |first: usize| match pixels {
+            Pixels::Encoded8(codes) => TiledImage::Codes(cut(codes, values, first, tiles)),
+            Pixels::Linear(linear) => TiledImage::Linear(cut(linear, values, first, tiles)),
+        };
+        (0..values).step_by(3).map(of_set).collect()
     }
 }
 
-fn cut<T: Copy + Default>(image: &[T], tile: &TexelTile) -> [[T; TILE_TEXELS]; 3] {
-    let mut planes = [[T::default(); TILE_TEXELS]; 3];
-    for (i, texel) in tile.texels.iter().enumerate() {
-        let at = *texel as usize * 3;
-        let rgb = &image[at..at + 3];
-        for c in 0..3 {
-            planes[c][i] = rgb[c];
+/// Returns three values of `values` from the `first` on, 0 for those that are not there.
+fn cut<T: Copy + Default>(image: &[T], values: usize, first: usize, tiles: &[TexelTile]) -> Vec<[[T; TILE_TEXELS]; 3]> {
+    let of_tile = |tile: &TexelTile| {
+        let mut planes = [[T::default(); TILE_TEXELS]; 3];
+        for (i, texel) in tile.texels.iter().enumerate() {
+            let texel = &image[*texel as usize * values..][first..values.min(first + 3)];
+            planes.iter_mut().zip(texel).for_each(|(plane, value)| plane[i] = *value);
         }
-    }
-    planes
+        planes
+    };
+    tiles.iter().map(of_tile).collect()
 }
 
 /// One pair to be measured.
@@ -112,8 +115,8 @@ pub struct PairWork {
     pub light: usize,
     /// Plan of the decoder for the pair.
     pub plan: PairPlan,
-    /// The capture's image.
-    pub image: TiledImage,
+    /// The capture's image: the sets of three values that the decoder gives.
+    pub images: Vec<TiledImage>,
     /// Step between the texels whose colour difference is taken here; `None` for no colour difference.
     pub colour_every: Option<usize>,
 }
@@ -190,47 +193,67 @@ impl TileErrors {
         let count = tile.texels.len();
         let mut weights = BasisWeights::default();
         tile.unpack(&mut weights);
+        let mut channels: TileChannels = [[[0.0; TILE_TEXELS]; 3]; MAX_GROUPS];
         let mut decoded: TileRgb = [[0.0; TILE_TEXELS]; 3];
-        let mut original = decoded;
-        let mut decoded_codes: TileCodes = [[0; TILE_TEXELS]; 3];
-        let mut original_codes = decoded_codes;
         let mut code_sums = [0u32; TILE_TEXELS];
-        // A loop, not an iterator's closures: those would be compiled for the narrow vectors.
+        // Loops, not an iterator's closures: those would be compiled for the narrow vectors.
         let mut errors = Vec::with_capacity(batch.len());
         for work in batch {
-            decoder.decode_tile(simd, tile, &weights, &work.plan, &mut decoded);
-            coding.encode(work.light, &decoded, &mut decoded_codes);
-            match &work.image {
-                TiledImage::Codes(codes) => {
-                    original_codes = codes[number];
-                    let table = &coding.tables[work.light];
-                    for c in 0..3 {
-                        for i in 0..count {
-                            original[c][i] = table[usize::from(original_codes[c][i])];
-                        }
-                    }
-                }
-                TiledImage::Linear(values) => {
-                    original = values[number];
-                    coding.encode(work.light, &original, &mut original_codes);
-                }
+            decoder.decode_channels(simd, tile, &weights, &work.plan, &mut channels);
+            let mut error = 0;
+            for (set, image) in work.images.iter().enumerate() {
+                decoder.show(&channels, set, &mut decoded);
+                error += self.take_image([number, count], coding, (work, image), &mut decoded, &mut code_sums);
             }
-            for c in 0..3 {
-                // Behind the last texel nothing differs.
-                decoded[c][count..].fill(0.0);
-                decoded_codes[c][count..].fill(0);
-                original[c][count..].fill(0.0);
-                original_codes[c][count..].fill(0);
-            }
-            if let Some(every) = work.colour_every {
-                let texels = (number % every..count).step_by(every);
-                self.add_colours(&coding.lab, texels, &original_codes, &decoded_codes);
-            }
-            self.add_linear(&original, &decoded);
-            errors.push(add_codes(&original_codes, &decoded_codes, &mut code_sums));
+            errors.push(error);
         }
         self.code_error.iter_mut().zip(code_sums).for_each(|(sum, batch)| *sum += u64::from(batch));
         errors
+    }
+
+    /// Adds the differences of `decoded`, of which `count` texels are there, from tile number `number` of `image` of `work`;
+    /// returns the sum of the squared differences of 8-bit values, and adds those of each texel to `code_sums`.
+    #[inline(always)]
+    fn take_image(
+        &mut self,
+        [number, count]: [usize; 2],
+        coding: &Coding,
+        (work, image): (&PairWork, &TiledImage),
+        decoded: &mut TileRgb,
+        code_sums: &mut [u32; TILE_TEXELS],
+    ) -> u64 {
+        let mut decoded_codes: TileCodes = [[0; TILE_TEXELS]; 3];
+        let mut original_codes = decoded_codes;
+        let mut original: TileRgb = [[0.0; TILE_TEXELS]; 3];
+        coding.encode(work.light, decoded, &mut decoded_codes);
+        match image {
+            TiledImage::Codes(codes) => {
+                original_codes = codes[number];
+                let table = &coding.tables[work.light];
+                for c in 0..3 {
+                    for i in 0..count {
+                        original[c][i] = table[usize::from(original_codes[c][i])];
+                    }
+                }
+            }
+            TiledImage::Linear(values) => {
+                original = values[number];
+                coding.encode(work.light, &original, &mut original_codes);
+            }
+        }
+        for c in 0..3 {
+            // Behind the last texel nothing differs.
+            decoded[c][count..].fill(0.0);
+            decoded_codes[c][count..].fill(0);
+            original[c][count..].fill(0.0);
+            original_codes[c][count..].fill(0);
+        }
+        if let Some(every) = work.colour_every {
+            let texels = (number % every..count).step_by(every);
+            self.add_colours(&coding.lab, texels, &original_codes, &decoded_codes);
+        }
+        self.add_linear(&original, decoded);
+        add_codes(&original_codes, &decoded_codes, code_sums)
     }
 
     /// Adds sums of texel `i`: squared differences of 8-bit values; squared linear differences, squared linear samples of the
@@ -253,7 +276,7 @@ impl TileErrors {
         coding: &Coding,
         decoded: &TileCodes,
     ) {
-        if let (Some(every), TiledImage::Codes(original)) = (work.colour_every, &work.image) {
+        if let (Some(every), TiledImage::Codes(original)) = (work.colour_every, &work.images[0]) {
             let texels = (number % every..decoder.tiles()[number].texels.len()).step_by(every);
             self.add_colours(&coding.lab, texels, &original[number], decoded);
         }

@@ -97,22 +97,29 @@ fn encoded(layer: &Layer, value: [f32; 3]) -> [f32; 3] {
     value.map(|x| ResidualKind::Root.encode(x, layer.epsilon))
 }
 
-/// Returns the directions of a set that are left out: spread over those that are neither upright nor at the set's edge.
+/// Returns the directions of a set that are left out, of its first round: spread over those that are neither upright nor at
+/// the set's edge.
 fn left_out(sphere: &Sphere) -> Vec<u32> {
     let range = LEFT_OUT_COS[0]..LEFT_OUT_COS[1];
-    let inner: Vec<u32> = (0..sphere.len() as u32).filter(|id| range.contains(&sphere.direction(*id)[2])).collect();
-    let count = LEFT_OUT.min(sphere.len() / DIRECTIONS_A_GAP).min(inner.len());
+    let inner: Vec<u32> =
+        (0..sphere.distinct() as u32).filter(|id| range.contains(&sphere.direction(*id)[2])).collect();
+    let count = LEFT_OUT.min(sphere.distinct() / DIRECTIONS_A_GAP).min(inner.len());
     (0..count).map(|i| inner[(2 * i + 1) * inner.len() / (2 * count)]).collect()
 }
 
-/// Returns `layer` as if the `[views, lights]` left out had not been measured.
+/// Returns `layer` as if the `[views, lights]` left out had not been measured, in any round.
 fn without_directions(layer: &Layer, out: &[Vec<u32>; 2]) -> Result<Layer, FitError> {
     let mut layer = layer.clone();
     let Some(residual) = &mut layer.residual else { return Ok(layer) };
-    let kept = |sphere: &Sphere, out: &[u32]| (0..sphere.len() as u32).filter(|id| !out.contains(id)).collect();
+    let kept = |sphere: &Sphere, out: &[u32]| {
+        let round = sphere.distinct() as u32;
+        (0..sphere.len() as u32).filter(|id| !out.contains(&(id % round))).collect()
+    };
     let [views, lights]: [Vec<u32>; 2] = [kept(&layer.views, &out[0]), kept(&layer.lights, &out[1])];
-    let set =
-        |sphere: &Sphere, ids: &[u32]| Sphere::new(&ids.iter().map(|id| sphere.direction(*id)).collect::<Vec<_>>());
+    let set = |sphere: &Sphere, ids: &[u32]| {
+        let directions: Vec<[f32; 3]> = ids.iter().map(|id| sphere.direction(*id)).collect();
+        Sphere::of_rounds(&directions, sphere.len() / sphere.distinct())
+    };
     let rows = |matrix: &[f16], rank: usize, ids: &[u32]| -> Vec<f16> {
         ids.iter().flat_map(|id| &matrix[*id as usize * rank..(*id as usize + 1) * rank]).copied().collect()
     };
@@ -162,6 +169,23 @@ mod tests {
             }
         }
         assert!(unlike > views.len() * lights.len() / 2, "{unlike}");
+    }
+
+    #[test]
+    fn a_light_is_left_out_of_every_round() {
+        let set = DirectionSet::random(24, 1).unwrap();
+        let mut layer = sample_asset_with(4, 3, &set, &set, ResidualKind::Root).layers.remove(0);
+        let directions: Vec<[f32; 3]> = (0..24).map(|id| layer.lights.direction(id)).collect();
+        layer.lights = Sphere::of_rounds(&directions.repeat(2), 2).unwrap();
+        let factors = &mut layer.residual.as_mut().unwrap().factors;
+        factors.shape[1] = 48;
+        factors.light.iter_mut().for_each(|rows| *rows = rows.repeat(2));
+        let out = [&layer.views, &layer.lights].map(left_out);
+        assert!(!out[1].is_empty() && out[1].iter().all(|id| *id < 24));
+        let rest = without_directions(&layer, &out).unwrap();
+        let kept = 24 - out[1].len();
+        assert_eq!((rest.lights.len(), rest.lights.distinct()), (2 * kept, kept));
+        assert_eq!(rest.residual.unwrap().factors.shape, [24 - out[0].len(), 2 * kept]);
     }
 
     #[test]

@@ -15,6 +15,7 @@ use crate::pipeline::prepare::{PreparedFit, check_layers};
 use crate::pipeline::search::StepSearch;
 use crate::resume::checkpoint::Checkpoint;
 use crate::resume::stored::stored_structs;
+use crate::spectral::measure::BandedCaptures;
 use crate::stages::lobe_dictionaries::LobeFigures;
 use btf_capture::Capture;
 use btf_runtime::pack;
@@ -38,15 +39,16 @@ pub fn fit(captures: &[Capture], params: &ValidFitParams, monitor: &Monitor) -> 
     let checkpoint = Checkpoint::open(captures, params, monitor)?;
     check_layers(captures)?;
     let adapter = FitAdapter::new(captures, params, monitor);
-    let outcome = fit_from(captures, params, &checkpoint, &adapter, monitor)?.0;
+    let outcome = fit_from(captures, None, params, &checkpoint, &adapter, monitor)?.0;
     adapter.tell();
     Ok(outcome)
 }
 
 /// Runs [`fit()`] from the finished stages in `checkpoint`, on `adapter` where that is quicker. Also returns the decoded images when
-/// there is one capture and it was read. [`check_layers`] must have passed.
+/// there is one capture and it was read. [`check_layers`] must have passed. `banded` is what channels are judged by.
 pub(crate) fn fit_from(
     captures: &[Capture],
+    banded: Option<&BandedCaptures>,
     params: &ValidFitParams,
     checkpoint: &Checkpoint,
     adapter: &FitAdapter,
@@ -54,7 +56,7 @@ pub(crate) fn fit_from(
 ) -> Result<(FitOutcome, Option<DecodedImages>), FitError> {
     let mut images = None;
     let encoded = checkpoint.whole().load_or("encode", || {
-        let (encoded, decoded) = prepare_and_encode(captures, params, checkpoint, adapter.gpu()?, monitor)?;
+        let (encoded, decoded) = prepare_and_encode(captures, banded, params, checkpoint, adapter.gpu()?, monitor)?;
         images = decoded;
         Ok(encoded)
     })?;
@@ -75,6 +77,7 @@ stored_structs! {
 
 fn prepare_and_encode(
     captures: &[Capture],
+    banded: Option<&BandedCaptures>,
     params: &ValidFitParams,
     checkpoint: &Checkpoint,
     gpu: Option<&FitGpu>,
@@ -85,18 +88,20 @@ fn prepare_and_encode(
         // About which step it will be tells which directions are worth keeping.
         let step = match params.goal() {
             Goal::Bytes(bytes) => prepared.step_within_bytes(byte_budget(captures, params, bytes)),
-            Goal::PsnrDb(db) => StepSearch { captures, prepared: &prepared, params, monitor }.draft_within_error(db)?,
+            Goal::PsnrDb(db) => {
+                StepSearch { captures, banded, prepared: &prepared, params, monitor }.draft_within_error(db)?
+            }
             Goal::None => DEFAULT_STEP * (3.0 * captures[0].info().pair_count() as f64).sqrt(),
         };
         prepared.layers.iter_mut().for_each(|layer| layer.model.turn_to(step));
-        let search = StepSearch { captures, prepared: &prepared, params, monitor };
+        let search = StepSearch { captures, banded, prepared: &prepared, params, monitor };
         match params.goal() {
             Goal::Bytes(bytes) => search.within_bytes(byte_budget(captures, params, bytes), step),
             Goal::PsnrDb(db) => search.within_error(db, step),
             Goal::None => Ok(search.assemble(step).asset),
         }
     })?;
-    let search = StepSearch { captures, prepared: &prepared, params, monitor };
+    let search = StepSearch { captures, banded, prepared: &prepared, params, monitor };
     let left_out: Vec<&[usize]> = prepared.layers.iter().map(|layer| layer.left_out.as_slice()).collect();
     let matched = monitor.stage("energy", || {
         let (images, memory_bytes) = (prepared.images.as_ref(), params.memory_bytes());

@@ -1,6 +1,7 @@
 //! A fit with its error: it fits, measures what was packed, and writes the figures into the asset.
 
 use crate::error::FitError;
+use crate::input::rounds::Rounds;
 use crate::input::tile_cache::read_images;
 use crate::inspect::load::resident_in_parallel;
 use crate::inspect::lobe_use::LobeUse;
@@ -21,7 +22,7 @@ use crate::resume::checkpoint::Checkpoint;
 #[cfg(doc)]
 use crate::resume::checkpoint::remove_finished_stages;
 use crate::spectral::basis::SpectralBasis;
-use crate::spectral::measure::measure_capture;
+use crate::spectral::measure::{BandedCaptures, measure_capture};
 use crate::stages::lobe_dictionaries::LobeFigures;
 use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{Asset, Resident, pack};
@@ -80,13 +81,17 @@ fn fit_channels(
     monitor: &Monitor,
 ) -> Result<Fitted, FitError> {
     let asked = params;
-    let params = &with_chosen_error(channels, &params.leaving(basis.map_or(0, spectrum_bytes)))?;
+    // The same for a material in bands as in colours.
+    let judged = if basis.is_some_and(|basis| basis.has_colours) { captures } else { channels };
+    let params = &with_chosen_error(judged, &params.leaving(basis.map_or(0, spectrum_bytes)))?;
     let checkpoint = Checkpoint::open(channels, params, monitor)?;
     check_layers(channels)?;
     let adapter = FitAdapter::new(channels, params, monitor);
-    let (outcome, images) = fit_from(channels, params, &checkpoint, &adapter, monitor)?;
+    let spectrum = basis.map(SpectralBasis::spectrum);
+    let banded = spectrum.as_ref().map(|spectrum| BandedCaptures { captures, spectrum });
+    let (outcome, images) = fit_from(channels, banded.as_ref(), params, &checkpoint, &adapter, monitor)?;
     let FitOutcome { mut asset, lobe_use, lobes, components, clusters, left_out, .. } = outcome;
-    asset.spectrum = basis.map(SpectralBasis::spectrum);
+    asset.spectrum = spectrum.clone();
     let resident = resident_in_parallel(&asset);
     let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
         let gpu = adapter.gpu()?;
@@ -121,6 +126,8 @@ fn fit_channels(
             bytes.len()
         )));
     }
+    let rounds = Rounds::of(&channels[0].info().lights);
+    let left_out = left_out.into_iter().filter_map(|pair| rounds.in_first(pair));
     let psnr_left_out_db = comparisons.first().and_then(|comparison| comparison.psnr_of_pairs(left_out));
     let error = params.error();
     Ok(Fitted {
@@ -155,7 +162,7 @@ mod tests {
     use crate::params::{FitParams, Role};
     use crate::sample_asset::sample_asset_with;
     use btf_capture::DirectionSet;
-    use btf_runtime::ResidualKind;
+    use btf_runtime::{ResidualKind, SurfaceSide};
 
     #[test]
     fn a_fitted_asset_holds_its_own_figures_and_those_are_what_measuring_it_gives() {
@@ -186,6 +193,29 @@ mod tests {
         let left_out = fitted.psnr_left_out_db.unwrap();
         assert!(left_out.is_finite() && left_out != fitted.metrics.psnr_db);
         assert_eq!(fit_and_measure(&captures, &params, &monitor).unwrap().bytes, fitted.bytes);
+    }
+
+    #[test]
+    fn a_goal_in_decibels_is_one_of_all_layers() {
+        let folder = tempfile::tempdir().unwrap();
+        let (views, lights) = (DirectionSet::random(9, 3).unwrap(), DirectionSet::random(10, 4).unwrap());
+        let monitor = Monitor::default();
+        let captures = [SurfaceSide::Front, SurfaceSide::Back].map(|side| {
+            let mut source = sample_asset_with(12, 9, &views, &lights, ResidualKind::Root);
+            (source.layers[0].light_side, source.layers[0].view_side) = (side, side);
+            if side == SurfaceSide::Back {
+                // Another material.
+                source.layers[0].texel_clusters.reverse();
+            }
+            let source = Asset::parse(&pack(&source).unwrap()).unwrap();
+            let dir = folder.path().join(format!("{side:?}"));
+            expand(&source, &Resident::from_asset(&source), &dir, &ExpandParams::default(), &monitor).unwrap();
+            Capture::open(&dir).unwrap()
+        });
+        let params = FitParams { psnr_db: Some(36.0), ..FitParams::default() }.check().unwrap();
+        let fitted = fit_and_measure(&captures, &params, &monitor).unwrap();
+        assert_eq!(fitted.comparisons.len(), 2);
+        assert!(fitted.metrics.psnr_db >= 36.0, "{:?}", fitted.metrics);
     }
 
     #[test]

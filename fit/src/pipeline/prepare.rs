@@ -37,7 +37,8 @@ fn remark_on(capture: &Capture, monitor: &Monitor) {
         ));
     }
     if !info.missing.is_empty() {
-        let (missing, pairs) = (info.missing.len(), info.pair_count());
+        let rounds = info.lights.rounds();
+        let (missing, pairs) = (info.missing.len() / rounds, info.pair_count() / rounds);
         monitor.remark(&format!(
             "{}: {missing} of its {pairs} pairs have no image; they are predicted from the others",
             info.name

@@ -5,6 +5,7 @@ use crate::error::FitError;
 use crate::gpu::fit_gpu::FitGpu;
 use crate::input::layer_frame::{layer_directions, sides_of_capture};
 use crate::input::residual_curve::Curve;
+use crate::input::rounds::Rounds;
 use crate::input::texel_sample::texel_sample;
 use crate::input::tile_cache::{Mapping, TileCache};
 use crate::params::{Goal, KMeansEngine, ValidFitParams};
@@ -173,20 +174,32 @@ impl<'a> LayerSource<'a> {
             let chosen = texel_sample(self.info.texel_count(), HOLDOUT_SAMPLE, self.params.seed());
             let block = self.cache.gather(&chosen)?;
             let rows = self.residual(None).rows(&block, 0..chosen.len(), |index| chosen[index]);
-            // Channels are samples of one covariance.
-            let samples: Vec<_> = (0..3).map(|channel| rows.slice(s![.., channel..;3])).collect();
-            let samples = ndarray::concatenate(Axis(0), &samples).unwrap_or_default();
+            let rounds = Rounds::of(&self.info.lights);
+            let pairs = self.info.pair_count() / rounds.count;
+            // Channels, those of every round, are samples of one covariance.
+            let channels: Vec<Array2<f32>> = (0..rounds.count)
+                .flat_map(|round| (0..3).map(move |channel| (round, channel)))
+                .map(|(round, channel)| {
+                    let columns = (0..pairs).map(|pair| 3 * rounds.place(pair, round) + channel);
+                    rows.select(Axis(1), &columns.collect::<Vec<_>>())
+                })
+                .collect();
+            let channels: Vec<_> = channels.iter().map(|samples| samples.view()).collect();
+            let samples = ndarray::concatenate(Axis(0), &channels).unwrap_or_default();
+            let directions = layer_directions(&self.info.lights, self.info.side);
+            let lights = Sphere::new(&directions[..rounds.lights])?;
             let parts = prior_parts(
                 self.params.priors(),
                 sides_of_capture(self.info.side),
-                [&self.views, &self.lights],
+                [&self.views, &lights],
                 &self.curve,
             )?;
             self.stages.monitor().check()?;
-            let seen = self.holdout.seen(self.info.pair_count());
-            let covariance = PairCovariance::adapted(&self.views, &self.lights, parts, samples.view(), &seen);
+            let in_first = |pairs: &[usize]| pairs.iter().filter_map(|pair| rounds.in_first(*pair)).collect::<Vec<_>>();
+            let seen = in_first(&self.holdout.seen(self.info.pair_count()));
+            let covariance = PairCovariance::adapted(&self.views, &lights, parts, samples.view(), &seen);
             self.stages.monitor().check()?;
-            Ok(Prediction::new(&covariance, seen, self.holdout.pairs.clone()))
+            Ok(Prediction::new(&covariance, rounds, seen, in_first(&self.holdout.pairs)))
         })
     }
 

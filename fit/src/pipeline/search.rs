@@ -4,15 +4,16 @@ use crate::error::FitError;
 use crate::input::pair_stride::pairs_at_stride;
 use crate::input::tile_cache::read_images;
 use crate::inspect::load::resident_in_parallel;
-use crate::measure::compare::{MeasureParams, colour_pair_stride, measure_images};
+use crate::measure::compare::{Comparison, MeasureParams, colour_pair_stride, measure_images};
 use crate::monitor::Monitor;
 use crate::params::ValidFitParams;
 use crate::pipeline::assemble::{Assembled, assemble};
 use crate::pipeline::description::description_bytes;
 use crate::pipeline::prepare::PreparedFit;
+use crate::spectral::measure::{BandedCaptures, measure_bands};
 use crate::stages::budget::{Candidate, SEARCH_ROUNDS, error_for_psnr, within_bytes};
 use crate::stages::encode::Coding;
-use btf_capture::Capture;
+use btf_capture::{Capture, CaptureInfo};
 use btf_runtime::{Asset, MAX_COMPONENTS, packed_len};
 
 /// Rounds of encoding and measurement that a PSNR goal gets.
@@ -30,6 +31,8 @@ const COARSEST_EXPONENT: f64 = 2.0;
 pub struct StepSearch<'a> {
     /// Captures, one for each layer, in the asset's order.
     pub captures: &'a [Capture],
+    /// What a fit of channels is judged by.
+    pub banded: Option<&'a BandedCaptures<'a>>,
     /// The layers.
     pub prepared: &'a PreparedFit,
     /// Parameters of the fit.
@@ -136,24 +139,45 @@ impl StepSearch<'_> {
         self.captures.iter().map(|c| (c.info().texel_count() * c.info().pair_count() * 3) as f64).sum()
     }
 
-    /// Measures `psnr_db` of `asset` over all layers on a share of the pairs.
+    /// Measures `psnr_db` of `asset` over all layers on a share of the pairs: of bands where they are what is judged.
     pub fn psnr_on_share(&self, asset: &Asset) -> Result<f64, FitError> {
-        let resident = resident_in_parallel(asset);
         let mut errors = (0.0, 0.0);
-        for capture in self.captures {
-            let info = capture.info();
-            let stride = colour_pair_stride(info.views.len(), info.lights.len());
-            let measure_params = MeasureParams {
-                pairs: Some(pairs_at_stride(info, stride)),
-                memory_bytes: self.params.memory_bytes() / 8,
-                ..MeasureParams::default()
-            };
-            let read = read_images(capture, self.prepared.images.as_ref());
-            let metrics = measure_images(info, &read, asset, &resident, &measure_params, self.monitor)?.metrics();
+        let mut add = |info: &CaptureInfo, found: Comparison| {
             let weight = (info.texel_count() * info.pair_count()) as f64;
-            errors = (errors.0 + weight * 10f64.powf(-metrics.psnr_db / 10.0), errors.1 + weight);
+            errors = (errors.0 + weight * 10f64.powf(-found.metrics().psnr_db / 10.0), errors.1 + weight);
+        };
+        match self.banded {
+            Some(banded) => {
+                let asset = Asset { spectrum: Some(banded.spectrum.clone()), ..asset.clone() };
+                let resident = resident_in_parallel(&asset);
+                for (layer, capture) in banded.captures.iter().enumerate() {
+                    let params = MeasureParams { colour_stride: Some(0), ..self.share_of(layer, capture.info()) };
+                    let found = measure_bands(capture, &asset, &resident, &params, self.monitor)?;
+                    add(capture.info(), found);
+                }
+            }
+            None => {
+                let resident = resident_in_parallel(asset);
+                for (layer, capture) in self.captures.iter().enumerate() {
+                    let read = read_images(capture, self.prepared.images.as_ref());
+                    let params = self.share_of(layer, capture.info());
+                    let found = measure_images(capture.info(), &read, asset, &resident, &params, self.monitor)?;
+                    add(capture.info(), found);
+                }
+            }
         }
         Ok(-10.0 * (errors.0 / errors.1).log10())
+    }
+
+    /// Returns what measures a layer on a share of the pairs of its capture.
+    fn share_of(&self, layer: usize, info: &CaptureInfo) -> MeasureParams {
+        let stride = colour_pair_stride(info.views.len(), info.lights.len());
+        MeasureParams {
+            layer,
+            pairs: Some(pairs_at_stride(info, stride)),
+            memory_bytes: self.params.memory_bytes() / 8,
+            ..MeasureParams::default()
+        }
     }
 
     /// Returns the coarsest step at which a draft's predicted error is that of the PSNR `db`; the finest step where none

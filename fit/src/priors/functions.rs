@@ -1,6 +1,7 @@
 //! Texel functions of fitted assets, as the priors use them: the principal functions of each cluster, turned about the
 //! normal, mirrored, and with light and eye exchanged, at the direction pairs of any capture.
 
+use crate::error::FitError;
 use crate::input::residual_curve::Curve;
 use crate::inspect::load::resident_in_parallel;
 use crate::measure::image_decoder::{ImageDecoder, Spot};
@@ -40,13 +41,19 @@ pub struct PriorFunctions {
 }
 
 impl PriorFunctions {
-    /// Finds the functions of layer `number` of `asset` in the curve of a fit.
+    /// Finds the functions of layer `number` of `asset` in the curve of a fit: those of its colours, also where it has bands.
+    ///
+    /// # Errors
+    /// Directions of which no triangles can be made.
     ///
     /// Cost: the decoding of the whole layer, and for each cluster one eigendecomposition of 192 x 192.
-    pub fn of_layer(asset: &Asset, number: usize, curve: &Curve) -> PriorFunctions {
+    pub fn of_layer(asset: &Asset, number: usize, curve: &Curve) -> Result<PriorFunctions, FitError> {
         let layer = &asset.layers[number];
-        let most = (MAX_SAMPLES / 3 / (layer.views.len() * layer.lights.len() * layer.dictionary.len()).max(1)).max(4);
-        let (views, lights) = (layer.views.clone(), layer.lights.clone());
+        let once = |sphere: &Sphere| {
+            Sphere::new(&(0..sphere.distinct() as u32).map(|id| sphere.direction(id)).collect::<Vec<_>>())
+        };
+        let (views, lights) = (layer.views.clone(), once(&layer.lights)?);
+        let most = (MAX_SAMPLES / 3 / (views.len() * lights.len() * layer.dictionary.len()).max(1)).max(4);
         let clusters: Vec<Vec<usize>> = (0..layer.dictionary.len())
             .map(|cluster| {
                 let members: Vec<usize> = (0..layer.texel_clusters.len())
@@ -81,12 +88,12 @@ impl PriorFunctions {
             first += 3 * members.len();
             principal_functions(own)
         });
-        PriorFunctions {
+        Ok(PriorFunctions {
             clusters: clusters.filter(|functions| functions.nrows() > 0).collect(),
             power: curve.power(),
             views,
             lights,
-        }
+        })
     }
 
     /// Returns for each cluster functions at the pairs of `views` and `lights` that stand for its own, turned, mirrored and
@@ -237,7 +244,7 @@ mod tests {
     fn functions_keep_the_energy_of_what_they_stand_for_and_are_those_of_the_texels() {
         let set = DirectionSet::bonn81();
         let asset = sample_asset_with(5, 4, &set, &set, ResidualKind::Root);
-        let functions = PriorFunctions::of_layer(&asset, 0, &Curve::new(ResidualKind::Root, 0.003));
+        let functions = PriorFunctions::of_layer(&asset, 0, &Curve::new(ResidualKind::Root, 0.003)).unwrap();
         for own in &functions.clusters {
             let energy: f64 = own.iter().map(|x| f64::from(x * x)).sum::<f64>() / own.ncols() as f64;
             assert!((0.9..=1.0001).contains(&energy), "{energy}");
@@ -269,7 +276,7 @@ mod tests {
     fn any_directions_get_their_values() {
         let set = DirectionSet::bonn81();
         let asset = sample_asset_with(5, 4, &set, &set, ResidualKind::Root);
-        let functions = PriorFunctions::of_layer(&asset, 0, &Curve::new(ResidualKind::Root, 0.003));
+        let functions = PriorFunctions::of_layer(&asset, 0, &Curve::new(ResidualKind::Root, 0.003)).unwrap();
         let sphere = |count, seed| Sphere::new(&DirectionSet::random(count, seed).unwrap().units()).unwrap();
         let spread = functions.spread(&sphere(1, 5), &sphere(9, 6), functions.clusters());
         assert!(spread.iter().all(|rows| rows.ncols() == 9 && rows.iter().all(|x| x.is_finite())));

@@ -1,6 +1,7 @@
 //! Direction pairs that a fit does not use, and how they are predicted from the pairs that it uses: those that are held back so
 //! that their error can be measured (`--leave-out`), and those that have no image.
 
+use crate::input::rounds::Rounds;
 use crate::priors::predict::Prediction;
 use btf_capture::CaptureInfo;
 use ndarray::ArrayViewMut2;
@@ -18,16 +19,19 @@ pub struct Holdout {
 }
 
 impl Holdout {
-    /// Holds back `share` of the pairs that have an image, chosen by `seed`, beside those that have none.
+    /// Holds back `share` of the pairs that have an image, chosen by `seed`, beside those that have none: in every round of
+    /// lights the same.
     pub fn new(info: &CaptureInfo, share: f64, seed: u64) -> Holdout {
-        let mut all: Vec<usize> = info.present_pairs().collect();
+        let rounds = Rounds::of(&info.lights);
+        let mut all: Vec<usize> = info.present_pairs().filter_map(|pair| rounds.in_first(pair)).collect();
         // At least one pair stays, from which the others follow.
         let count = ((all.len() as f64 * share).round() as usize).min(all.len().saturating_sub(1));
         if count == 0 && info.missing.is_empty() {
             return Holdout::default();
         }
         all.shuffle(&mut Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5eed_0f0e));
-        let mut pairs = [&all[..count], &info.missing].concat();
+        let held = all[..count].iter().flat_map(|pair| (0..rounds.count).map(|round| rounds.place(*pair, round)));
+        let mut pairs: Vec<usize> = held.chain(info.missing.iter().copied()).collect();
         pairs.sort_unstable();
         Holdout { pairs, prediction: None }
     }

@@ -32,7 +32,7 @@ pub fn prior_parts(
             let own = asset.layers.iter().position(|layer| (layer.light_side, layer.view_side) == sides);
             PriorFunctions::of_layer(asset, own.unwrap_or(0), curve)
         })
-        .collect();
+        .collect::<Result<_, FitError>>()?;
     let clusters = functions.iter().map(PriorFunctions::clusters).sum();
     Ok(functions.iter().flat_map(|functions| functions.spread(views, lights, clusters)).collect())
 }

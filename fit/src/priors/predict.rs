@@ -1,6 +1,7 @@
 //! Predicts the pairs of a capture that are not seen from those that are: the best linear prediction (simple kriging) under
 //! a covariance between pairs.
 
+use crate::input::rounds::Rounds;
 use crate::matrix_product::product;
 use crate::priors::covariance::PairCovariance;
 use crate::resume::stored::stored_structs;
@@ -23,6 +24,8 @@ pub fn predicting_pairs(seen: usize) -> usize {
 /// How missing pairs follow from seen ones.
 #[derive(Debug, Clone)]
 pub struct Prediction {
+    /// Rounds of the lights. Pairs are numbered with the lights of one, and follow from one another alike in all.
+    rounds: Rounds,
     seen: Vec<usize>,
     missing: Vec<usize>,
     /// Weight of every seen pair for every missing one, `[seen, missing]`; without columns where only near ones predict.
@@ -32,31 +35,36 @@ pub struct Prediction {
 }
 
 stored_structs! {
-    Prediction { seen, missing, whole, near }
+    Prediction { rounds, seen, missing, whole, near }
 }
 
 impl Prediction {
-    /// Finds the weights by which `missing` pairs follow from `seen` ones under `covariance`.
+    /// Finds the weights by which `missing` pairs follow from `seen` ones under `covariance`, numbered as of one of `rounds`.
     ///
     /// Cost: with up to 1800 seen pairs the factorisation of their covariances, `seen (seen + functions)` operations for each
     /// missing pair, and later `3 seen missing` for each texel; with more, `128^3 / 3 + functions (128^2 + seen)` operations for
     /// each missing pair, and `3 x 128 missing` for each texel.
-    pub fn new(covariance: &PairCovariance, seen: Vec<usize>, missing: Vec<usize>) -> Prediction {
+    pub fn new(covariance: &PairCovariance, rounds: Rounds, seen: Vec<usize>, missing: Vec<usize>) -> Prediction {
         let whole = if seen.len() <= MAX_WHOLE { whole_weights(covariance, &seen, &missing) } else { None };
         let near = if whole.is_some() { Vec::new() } else { near_weights(covariance, &seen, &missing) };
-        Prediction { seen, missing, whole: whole.unwrap_or_default(), near }
+        Prediction { rounds, seen, missing, whole: whole.unwrap_or_default(), near }
     }
 
     /// Fills the missing pairs of texels' rows, `[texel, pair x channel]`, from their seen pairs.
     pub fn fill(&self, mut rows: ArrayViewMut2<f32>) {
+        (0..self.rounds.count).for_each(|round| self.fill_round(round, rows.view_mut()));
+    }
+
+    fn fill_round(&self, round: usize, mut rows: ArrayViewMut2<f32>) {
+        let at = |pair: usize| 3 * self.rounds.place(pair, round);
         if !self.near.is_empty() {
             for mut row in rows.rows_mut() {
                 for (pair, sources) in self.missing.iter().zip(&self.near) {
                     let mut sum = [0.0f32; 3];
                     for (source, weight) in sources {
-                        (0..3).for_each(|channel| sum[channel] += weight * row[source * 3 + channel]);
+                        (0..3).for_each(|channel| sum[channel] += weight * row[at(*source) + channel]);
                     }
-                    (0..3).for_each(|channel| row[pair * 3 + channel] = sum[channel]);
+                    (0..3).for_each(|channel| row[at(*pair) + channel] = sum[channel]);
                 }
             }
             return;
@@ -65,13 +73,13 @@ impl Prediction {
         let mut seen = Array2::zeros((3 * rows.nrows(), self.seen.len()));
         for (row, mut seen) in rows.rows().into_iter().zip(seen.axis_chunks_iter_mut(Axis(0), 3)) {
             for (number, pair) in self.seen.iter().enumerate() {
-                (0..3).for_each(|channel| seen[[channel, number]] = row[3 * pair + channel]);
+                (0..3).for_each(|channel| seen[[channel, number]] = row[at(*pair) + channel]);
             }
         }
         let found = product(&seen, &self.whole);
         for (mut row, found) in rows.rows_mut().into_iter().zip(found.axis_chunks_iter(Axis(0), 3)) {
             for (number, pair) in self.missing.iter().enumerate() {
-                (0..3).for_each(|channel| row[3 * pair + channel] = found[[channel, number]]);
+                (0..3).for_each(|channel| row[at(*pair) + channel] = found[[channel, number]]);
             }
         }
     }
@@ -163,9 +171,10 @@ mod tests {
             }
             (&filled - &exact).iter().map(|x| f64::from(x * x)).sum::<f64>() / exact.len() as f64
         };
+        let once = Rounds { lights: LIGHTS, count: 1 };
         let predicted = |parts: Vec<Array2<f32>>| {
             let covariance = PairCovariance::adapted(&views, &lights, parts, hidden().slice(s![.., 0..;3]), &seen);
-            (error(&Prediction::new(&covariance, seen.clone(), missing.clone())), covariance)
+            (error(&Prediction::new(&covariance, once, seen.clone(), missing.clone())), covariance)
         };
         let mean = samples.mean().unwrap();
         let spread = samples.iter().map(|x| f64::from((x - mean) * (x - mean))).sum::<f64>() / samples.len() as f64;
@@ -179,8 +188,33 @@ mod tests {
         assert!(by_noise < 3.0 * by_nearness, "{by_noise} {by_nearness}");
         // Where not all seen pairs take part, those that do predict nearly as well.
         let near = near_weights(&covariance, &seen, &missing);
-        let near =
-            error(&Prediction { seen: seen.clone(), missing: missing.clone(), whole: Array2::default((0, 0)), near });
+        let near = error(&Prediction {
+            rounds: once,
+            seen: seen.clone(),
+            missing: missing.clone(),
+            whole: Array2::default((0, 0)),
+            near,
+        });
         assert!((near / by_nearness - 1.0).abs() < 0.1, "{near} {by_nearness}");
+    }
+
+    #[test]
+    fn each_round_of_lights_is_filled_from_its_own_pairs() {
+        let rounds = Rounds { lights: 3, count: 2 };
+        // Two views; light 1 of view 0 is missing, and follows from light 0 and light 2 by half.
+        let (seen, missing, halves) = (vec![0, 2, 3, 4, 5], vec![1], vec![vec![(0, 0.5), (2, 0.5)]]);
+        let mut whole = Array2::zeros((5, 1));
+        (whole[[0, 0]], whole[[1, 0]]) = (0.5, 0.5);
+        for (whole, near) in [(whole, Vec::new()), (Array2::zeros((0, 0)), halves)] {
+            let prediction = Prediction { rounds, seen: seen.clone(), missing: missing.clone(), whole, near };
+            let mut rows = Array2::from_shape_fn((2, 36), |(texel, i)| (100 * texel + i) as f32);
+            for round in [0, 1] {
+                rows.slice_mut(s![.., 3 * (1 + 3 * round)..3 * (2 + 3 * round)]).fill(f32::NAN);
+            }
+            prediction.fill(rows.view_mut());
+            for ((texel, i), found) in rows.indexed_iter() {
+                assert_eq!(*found, (100 * texel + i) as f32, "{texel} {i}");
+            }
+        }
     }
 }

@@ -228,7 +228,7 @@ fn spectra_of(captures: &[Capture], monitor: &Monitor) -> Result<Array2<f32>, Fi
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use btf_capture::{CaptureInfo, DirectionSet, ImageFormat, Pixels};
 
@@ -240,7 +240,8 @@ mod tests {
         (0.45 + infrared * (1.0 - end)) * (-3.0 * absorbed * end).exp() + 0.03
     }
 
-    fn capture(bands: usize) -> Capture {
+    /// Returns 8 x 6 texels of a leaf under 4 lights from 4 views, with bands from 400 to 1000 nm.
+    pub(crate) fn capture(bands: usize) -> Capture {
         let set = DirectionSet::random(4, 1).unwrap();
         let wavelengths_nm: Vec<f64> = (0..bands).map(|i| 400.0 + 600.0 * i as f64 / bands as f64).collect();
         let info = CaptureInfo::new("leaf", 8, 6, set.clone(), set, ImageFormat::Exr);

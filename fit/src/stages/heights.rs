@@ -5,6 +5,7 @@
 
 use crate::error::FitError;
 use crate::input::layer_frame::layer_directions;
+use crate::input::rounds::Rounds;
 use crate::input::tile_cache::{Mapping, TileCache};
 use crate::monitor::Monitor;
 use crate::stages::slopes::{integrate_slopes, slopes_from_shading};
@@ -88,7 +89,9 @@ pub fn bytes_per_texel() -> usize {
 /// Cost: views x lights x heights x texels differences for each of three comparisons. Memory: [`bytes_per_texel`].
 pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) -> Result<Option<Heights>, FitError> {
     let views = layer_directions(&info.views, info.side);
-    let lights = layer_directions(&info.lights, info.side);
+    let all_lights = layer_directions(&info.lights, info.side);
+    // Of channels in groups the first: others reflect differently.
+    let lights = &all_lights[..Rounds::of(&info.lights).lights];
     let size = [info.width, info.height];
     let Some(reference) =
         (0..views.len()).max_by(|&a, &b| views[a][2].total_cmp(&views[b][2])).filter(|&v| views[v][2] > REFERENCE_COS)
@@ -105,7 +108,7 @@ pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) ->
     // Luma in a root curve, as the eye and 8-bit files have it.
     let curve = Mapping::new(cache, |x| x.max(0.0).powf(1.0 / 2.4));
     let image = |view: usize, light: usize| -> Result<Image, FitError> {
-        let samples = cache.image(view * lights.len() + light, &curve)?;
+        let samples = cache.image(view * all_lights.len() + light, &curve)?;
         Ok(samples.chunks_exact(3).map(|rgb| 0.3 * rgb[0] + 0.5 * rgb[1] + 0.2 * rgb[2]).collect())
     };
     let images = |views: &[usize], lights: &[usize]| -> Result<Vec<Vec<Image>>, FitError> {
@@ -137,7 +140,7 @@ pub fn find_heights(cache: &TileCache, info: &CaptureInfo, monitor: &Monitor) ->
     let (upright, linear) = (reference, Mapping::new(cache, |x| x.max(0.0)));
     let shaded = spread(&(0..lights.len()).filter(|&l| lights[l][2] < SHADED_COS).collect::<Vec<_>>(), MAX_SHADED);
     let luminance = |light: &usize| -> Result<Image, FitError> {
-        let samples = cache.image(upright * lights.len() + light, &linear)?;
+        let samples = cache.image(upright * all_lights.len() + light, &linear)?;
         Ok(samples.chunks_exact(3).map(|rgb| (rgb[0] + rgb[1] + rgb[2]) / 3.0).collect())
     };
     let images = shaded.par_iter().map(luminance).collect::<Result<Vec<_>, FitError>>()?;
