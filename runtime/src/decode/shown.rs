@@ -29,6 +29,14 @@ fn asks(weights: &[[f32; 3]; 3]) -> bool {
     weights.iter().flatten().any(|weight| *weight != 0.0)
 }
 
+/// Returns whether decoders give the first group's channels as they are: those of an asset of colours, and the colours under
+/// D65 of one in bands.
+pub(crate) fn shows_first_channels(words: &[u32]) -> bool {
+    let as_they_are = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    words[SPECTRUM] == 0
+        || (weights(words, 0) == as_they_are && (1..groups(words)).all(|group| !asks(&weights(words, group))))
+}
+
 /// Returns what decoders give for the values that `channels` returns of a group: those of the only group for an asset of
 /// colours, else the weighted sums that its spectrum asks for ([`crate::Spectrum::shown`]), at least 0. Groups without a
 /// weight are not asked for.

@@ -68,11 +68,13 @@ def angle(degrees):
 class Writer:
     """Writes the images of one capture, `light * views + view` being the number in a name."""
 
-    def __init__(self, folder, views_deg, lights_deg, image_format):
+    def __init__(self, folder, views_deg, lights_deg, image_format, wavelengths_nm=None):
         self.folder = Path(folder)
         if self.folder.exists() and any(self.folder.iterdir()):
             raise SystemExit(f"{self.folder} is not empty: name a new folder.")
         self.views_deg, self.lights_deg, self.format = views_deg, lights_deg, image_format
+        # Channels of an EXR file: colours, or bands by their wavelengths.
+        self.channels = ("R", "G", "B") if wavelengths_nm is None else [f"{nm:g}nm" for nm in wavelengths_nm]
         for theta, phi in views_deg:
             (self.folder / f"tv{angle(theta)}_pv{angle(phi)}").mkdir(parents=True, exist_ok=True)
 
@@ -84,7 +86,7 @@ class Writer:
         name = f"{number:05d} tl{lamp[0]} pl{lamp[1]} tv{eye[0]} pv{eye[1]}.{self.format}"
         path = self.folder / f"tv{eye[0]}_pv{eye[1]}" / name
         if self.format == "exr":
-            path.write_bytes(exr_bytes(linear))
+            path.write_bytes(exr_bytes(linear, self.channels))
         else:
             from PIL import Image
 
@@ -99,14 +101,17 @@ class Writer:
         (self.folder / "capture.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def exr_bytes(linear):
+def exr_bytes(linear, channels=("R", "G", "B")):
     """Encodes an image as OpenEXR: one part, scan lines, no compression, half floats."""
-    height, width, _ = linear.shape
+    height, width, count = linear.shape
+    # A file's channels are sorted by their names.
+    order = sorted(range(count), key=lambda channel: channels[channel])
 
     def attribute(name, kind, value):
         return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
-    channel = b"".join(c + b"\0" + struct.pack("<iBBBBii", 1, 0, 0, 0, 0, 1, 1) for c in (b"B", b"G", b"R")) + b"\0"
+    rows = struct.pack("<iBBBBii", 1, 0, 0, 0, 0, 1, 1)
+    channel = b"".join(channels[c].encode() + b"\0" + rows for c in order) + b"\0"
     window = struct.pack("<4i", 0, 0, width - 1, height - 1)
     head = struct.pack("<2i", 20000630, 2)
     head += attribute("channels", "chlist", channel) + attribute("compression", "compression", b"\0")
@@ -114,9 +119,9 @@ def exr_bytes(linear):
     head += attribute("lineOrder", "lineOrder", b"\0") + attribute("pixelAspectRatio", "float", struct.pack("<f", 1.0))
     head += attribute("screenWindowCenter", "v2f", struct.pack("<2f", 0.0, 0.0))
     head += attribute("screenWindowWidth", "float", struct.pack("<f", 1.0)) + b"\0"
-    line_bytes = width * 6
+    line_bytes = width * 2 * count
     first = len(head) + 8 * height
     offsets = struct.pack(f"<{height}Q", *(first + row * (line_bytes + 8) for row in range(height)))
-    planes = np.minimum(linear, 65504.0).astype("<f2")[:, :, ::-1].transpose(0, 2, 1)
+    planes = np.minimum(linear, 65504.0).astype("<f2")[:, :, order].transpose(0, 2, 1)
     lines = (struct.pack("<2i", row, line_bytes) + planes[row].tobytes() for row in range(height))
     return head + offsets + b"".join(lines)

@@ -51,13 +51,16 @@ def wander(generator, amplitude, waves):
 
 
 class Fibres:
-    """All cylinders as arrays by segment: ends, tangents at the ends, radius, albedo."""
+    """All cylinders as arrays by segment: ends, tangents at the ends, radius, albedo.
 
-    largest_albedo = np.maximum(np.maximum(WARP, WEFT), STRAY) * 1.25
+    `albedos` are those of warp, weft, stray fibres and table, `[channel]` each: red, green and blue, or bands.
+    """
 
-    def __init__(self, size, seed, bounce=True):
+    def __init__(self, size, seed, bounce=True, albedos=(WARP, WEFT, STRAY, TABLE)):
         generator = np.random.default_rng([seed, 1])
         self.size = size
+        self.warp, self.weft, self.stray_albedo, self.table = albedos
+        self.largest_albedo = np.maximum(np.maximum(self.warp, self.weft), self.stray_albedo) * 1.25
         self.chains = []
         for number in range(YARNS):
             for warp in (True, False):
@@ -94,7 +97,7 @@ class Fibres:
         over = 1 if (number % 2 == 0) == warp else -1
         mean_z = -0.62 * YARN_RADIUS - CRIMP
         yarn_phase = generator.uniform(0, 2 * np.pi)
-        base = WARP if warp else WEFT
+        base = self.warp if warp else self.weft
         for ply in range(PLIES):
             for ring, count in FIBRES_OF_PLY:
                 for index in range(count):
@@ -137,7 +140,7 @@ class Fibres:
                 return np.stack([start[0] + winding[0] * s + x(s), start[1] + winding[1] * s + y(s),
                                  np.where(height > 0.03, 0.03 + 0.4 * (height - 0.03), height)], axis=1)
 
-            colour = STRAY * np.clip(generator.normal(1, 0.15), 0.6, 1.2)
+            colour = self.stray_albedo * np.clip(generator.normal(1, 0.15), 0.6, 1.2)
             self.add(curve, 0.5 * FIBRE_RADIUS, colour, 4.0)
 
     def candidates(self, direction, rays, offset, chosen):
@@ -230,7 +233,7 @@ class Fibres:
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
         normal[on_table] = (0, 0, 1)
         albedo = self.albedo[own].copy()
-        albedo[on_table] = TABLE
+        albedo[on_table] = self.table
         seen = {"points": points, "centre": centre, "tangent": tangent, "normal": normal, "albedo": albedo,
                 "radius": self.radius[own], "fibre": (~on_table).astype(np.float32),
                 "lifted": points + normal * np.float32(1.2 / (MAP_RAYS_PER_TEXEL * self.size))}
@@ -247,12 +250,12 @@ class Fibres:
         lamp = {"map": ShadowMap(z.reshape(rays, rays), light), "light": light.astype(np.float32)}
         if self.bounce:
             points = points_at(rays, (0.0, 0.0), light, z)
-            albedo = np.where((segment >= 0)[:, None], self.albedo[np.maximum(segment, 0)], TABLE)
+            albedo = np.where((segment >= 0)[:, None], self.albedo[np.maximum(segment, 0)], self.table)
             lamp["field"] = self.bounce.fluence(points, albedo * np.float32(light[2] / rays**2))
         return lamp
 
     def shade(self, seen, lamp, view):
-        """Returns X `[sample, 3]` of what is seen under a lamp."""
+        """Returns X `[sample, channel]` of what is seen under a lamp."""
         w_in, w_out = lamp["light"], view.astype(np.float32)
         tangent, normal, fibre = seen["tangent"], seen["normal"], seen["fibre"]
         bias = 0.5 / (MAP_RAYS_PER_TEXEL * self.size)

@@ -2,6 +2,7 @@
 """Photographs a synthetic material whose geometry and optics share nothing with the toolkit.
 
     python tests/peers/materials/make.py fibres|layered|metal|porous OUT [--size 96] [--directions ubo81|random:12] [--seed 1]
+    python tests/peers/materials/make.py fibres OUT --bands 31
 
 OUT becomes a capture in the Bonn layout. The same arguments give the same bytes.
 """
@@ -20,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import numpy as np
 
 import capture
+import dyes
 from fibres import Fibres
 from layered import Layered
 from metal import Metal
@@ -38,7 +40,7 @@ def photographs(material, views, lights, samples):
         lamp = material.illuminate(light)
         for view_index, view in enumerate(views):
             values = material.shade(seen[view_index], lamp, view)
-            yield view_index, light_index, values.reshape(samples, side, side, 3).mean(axis=0)
+            yield view_index, light_index, values.reshape(samples, side, side, -1).mean(axis=0)
 
 
 def main():
@@ -51,15 +53,23 @@ def main():
     parser.add_argument("--samples", type=int, default=8, help="samples of a texel")
     parser.add_argument("--format", choices=("png", "exr"), default="png", help="8-bit sRGB, or linear half floats")
     parser.add_argument("--intensity", type=float, default=1.0, help="factor of all values: 40 makes most of them brighter than white")
+    parser.add_argument("--bands", type=int, default=0, help="bands from 400 to 700 nm in place of colours, 4 to 64, as exr; fibres only")
     options = parser.parse_args()
     if not 16 <= options.size <= 512:
         parser.error("--size must be 16 to 512")
     if options.samples < 1:
         parser.error("--samples must be at least 1")
+    if options.bands and (options.kind != "fibres" or not 4 <= options.bands <= 64):
+        parser.error("--bands takes 4 to 64, for fibres")
+    wavelengths_nm = np.linspace(400.0, 700.0, options.bands) if options.bands else None
     start = time.time()
     views_deg, lights_deg = capture.sets_of(options.directions, options.seed)
-    writer = capture.Writer(options.out, views_deg, lights_deg, options.format)
-    material = KINDS[options.kind](options.size, options.seed)
+    image_format = "exr" if options.bands else options.format
+    writer = capture.Writer(options.out, views_deg, lights_deg, image_format, wavelengths_nm)
+    if options.bands:
+        material = Fibres(options.size, options.seed, albedos=dyes.of_cloth(wavelengths_nm))
+    else:
+        material = KINDS[options.kind](options.size, options.seed)
     views = [capture.unit_vector(*angles) for angles in views_deg]
     lights = [capture.unit_vector(*angles) for angles in lights_deg]
     clipped, values = 0, 0

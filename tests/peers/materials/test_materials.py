@@ -14,8 +14,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import numpy as np
 
 import capture
+import dyes
 import layered
 import porous
+from fibres import Fibres
 from make import KINDS, photographs
 from tracing import grid_places, points_at, read_periodic, read_trilinear, sample_offsets, slope
 
@@ -70,6 +72,30 @@ class Directions(unittest.TestCase):
         encoded = capture.exr_bytes(values)
         lines = [np.frombuffer(encoded[-24 - 32 * back:][:24], "<f2").reshape(3, 4) for back in (1, 0)]
         np.testing.assert_array_equal(np.stack(lines).transpose(0, 2, 1)[:, :, ::-1], values)
+
+    def test_exr_sorts_bands_by_their_names(self):
+        encoded = capture.exr_bytes(np.array([[[0.25, 0.5]]], np.float32), ("950nm", "1050nm"))
+        self.assertLess(encoded.index(b"1050nm\0"), encoded.index(b"950nm\0"))
+        self.assertEqual(np.frombuffer(encoded[-4:], "<f2").tolist(), [0.5, 0.25])
+
+
+class Dyes(unittest.TestCase):
+    def test_dyed_cotton_reflects_no_more_than_cotton_and_takes_its_dye_s_light(self):
+        nm = np.linspace(400, 700, 31)
+        plain, blue = dyes.dyed(nm), dyes.dyed(nm, (dyes.INDIGO, 3.0))
+        self.assertTrue(np.all((plain < 1) & (blue > 0) & (blue <= plain)))
+        # Between its two bands of absorption.
+        self.assertEqual(nm[(blue / plain).argmin()], 640)
+        # Kubelka and Munk by hand: k = 1 gives 2 - sqrt 3.
+        strength = (1 - dyes.cotton(510.0)) / dyes.absorbed(dyes.MADDER, 510.0)
+        self.assertAlmostEqual(float(dyes.dyed(np.array([510.0]), (dyes.MADDER, strength))[0]), 2 - 3**0.5, places=6)
+
+    def test_a_band_of_cloth_is_what_one_channel_of_its_albedos_gives(self):
+        albedos = dyes.of_cloth(np.linspace(400, 700, 5))
+        bands = image(Fibres(SIZE, 1, albedos=albedos), (30, 60), (45, 0))
+        one = image(Fibres(SIZE, 1, albedos=[albedo[3:4] for albedo in albedos]), (30, 60), (45, 0))
+        np.testing.assert_allclose(bands[:, :, 3:4], one, rtol=1e-5)
+        self.assertGreater(np.abs(bands[:, :, 2:3] - one).max(), 0.01)
 
 
 class Optics(unittest.TestCase):
