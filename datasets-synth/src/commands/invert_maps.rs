@@ -26,6 +26,7 @@ pub(super) fn run(
     run: &RunArgs,
 ) -> Result<(), Failure> {
     let mut known = LeafDescription::default();
+    let mut stays = Vec::new();
     for (i, (unknown, held)) in unknowns.iter().zip(held).enumerate() {
         let Some(value) = held else { continue };
         let option = unknown.option;
@@ -44,27 +45,53 @@ pub(super) fn run(
             )));
         }
         quantity.set(&mut known, *value);
+        stays.push(i);
     }
     let opened: Vec<Capture> =
         captures.iter().map(|path| Capture::open(path).map_err(|error| failed(&error))).collect::<Result<_, _>>()?;
     // It refuses a folder that is not empty, before any work.
     let staging = StagedFolder::create(out).map_err(|error| failed(&error))?;
-    let maps = run.work("invert", "parts", 1, |progress| invert_captures(&opened, &known.contents, progress))?;
+    let maps =
+        run.work("invert", "parts", 1, |progress| invert_captures(&opened, &known.contents, &stays, progress))?;
     write(staging, &maps)?;
     let LeafContents { chlorophyll_ug_per_cm2: cab, carotenoid_ug_per_cm2: car, brown, .. } = maps.contents;
     let [cab_error, car_error, brown_error] = maps.standard_errors;
     let file = out.join("leaf.toml");
+    let leaf = LeafDescription { contents: maps.contents, ..LeafDescription::default() };
+    let beside: serde_json::Map<String, serde_json::Value> = maps
+        .beside
+        .iter()
+        .map(|(i, error)| {
+            let quantity = &LEAF_QUANTITIES[*i];
+            (quantity.key.to_owned(), json!({ "value": quantity.of(&leaf), "standard_error": error }))
+        })
+        .collect();
+    let of_leaf: String = maps
+        .beside
+        .iter()
+        .map(|(i, error)| {
+            let quantity = &LEAF_QUANTITIES[*i];
+            let unit = if quantity.unit.is_empty() { String::new() } else { format!(" {}", quantity.unit) };
+            format!("\n  {} {:.4} +- {error:.4}{unit}", quantity.name, quantity.of(&leaf))
+        })
+        .collect();
+    let (seen, rmse_key) = match maps.bands {
+        0 => ("colours".to_owned(), "rmse_linear_rgb"),
+        bands => (format!("{bands} bands"), "rmse_bands"),
+    };
     let result = json!({
         "chlorophyll_ug_per_cm2": cab,
         "carotenoid_ug_per_cm2": car,
         "brown": brown,
         "standard_errors_of_a_texel": maps.standard_errors,
-        "rmse_linear_rgb": maps.rmse,
+        "of_the_whole_leaf": beside,
+        "bands": maps.bands,
+        rmse_key: maps.rmse,
         "leaf": file,
     });
     let line = format!(
         "{}: chlorophyll {cab:.1} ug/cm2 (a texel +- {cab_error:.1}), carotenoids {car:.1} ug/cm2 (+- {car_error:.1}), brown \
-         pigment {brown:.3} (+- {brown_error:.3}); colours are missed by {:.4}",
+         pigment {brown:.3} (+- {brown_error:.3}); {seen} are missed by {:.4}{of_leaf}",
         file.display(),
         maps.rmse
     );

@@ -1,4 +1,4 @@
-//! Diffuse colour of each texel of a capture: what its body sends back, without gloss and shadows.
+//! Diffuse colour of each texel of a capture, or its bands: what its body sends back, without gloss and shadows.
 //!
 //! Under each of some pairs of view and light that are neither grazing nor near the mirror direction a texel shows
 //! `colour x cosine`. Gloss adds to a few of them, shadows take from a few; the median over all is neither.
@@ -28,21 +28,61 @@ const MEDIAN: f32 = 1.2533;
 /// Colour of each texel, row-major from the top left.
 #[derive(Debug, Clone)]
 pub(crate) struct DiffuseColour {
-    /// Linear sRGB: a share of the light that falls in.
-    pub(crate) rgb: Vec<[f32; 3]>,
-    /// Standard error of each colour, from how the pairs differ.
-    pub(crate) errors: Vec<[f32; 3]>,
+    /// Channels of a texel: linear sRGB, or bands.
+    pub(crate) channels: usize,
+    /// Shares of the light that falls in, `[texel, channel]`.
+    pub(crate) values: Vec<f32>,
+    /// Standard error of each, from how the pairs differ.
+    pub(crate) errors: Vec<f32>,
 }
 
-/// Returns the colour of each texel of `capture`.
+impl DiffuseColour {
+    /// Returns the colour as the other face has it, whose rows of `width` texels run the other way.
+    pub(crate) fn turned_over(mut self, width: usize) -> DiffuseColour {
+        for rows in [&mut self.values, &mut self.errors] {
+            for row in rows.chunks_exact_mut(width * self.channels) {
+                row.reverse();
+                row.chunks_exact_mut(self.channels).for_each(<[f32]>::reverse);
+            }
+        }
+        self
+    }
+
+    /// Returns the values of a texel.
+    pub(crate) fn value(&self, texel: usize) -> &[f32] {
+        &self.values[texel * self.channels..(texel + 1) * self.channels]
+    }
+
+    /// Returns the standard errors of a texel.
+    pub(crate) fn error(&self, texel: usize) -> &[f32] {
+        &self.errors[texel * self.channels..(texel + 1) * self.channels]
+    }
+
+    /// Returns the medians over all texels, of values and of errors.
+    pub(crate) fn medians(&self) -> [Vec<f32>; 2] {
+        [&self.values, &self.errors].map(|all| {
+            let of = |channel: usize| {
+                median(&mut all.iter().skip(channel).step_by(self.channels).copied().collect::<Vec<_>>())
+            };
+            (0..self.channels).map(of).collect()
+        })
+    }
+}
+
+/// Returns the colour of each texel of `capture`; for a capture in bands, those of its `bands`, where some are given.
 ///
 /// # Errors
 /// Those of reading; [`SynthError::BadParameter`] for a capture without enough pairs that count;
 /// [`SynthError::Stopped`] if `progress`, which gets the number of images read, asks for it.
-pub(crate) fn diffuse_colour(capture: &Capture, progress: Progress) -> Result<DiffuseColour, SynthError> {
+pub(crate) fn diffuse_colour(
+    capture: &Capture,
+    bands: Option<&[usize]>,
+    progress: Progress,
+) -> Result<DiffuseColour, SynthError> {
     let info = capture.info();
     let texels = info.texel_count();
-    let pairs = chosen(info, (MAX_BYTES / (12 * texels.max(1))).clamp(MIN_PAIRS, MAX_PAIRS));
+    let channels = bands.map_or(3, <[usize]>::len);
+    let pairs = chosen(info, (MAX_BYTES / (4 * channels * texels).max(1)).clamp(MIN_PAIRS, MAX_PAIRS));
     if pairs.len() < MIN_PAIRS {
         return Err(SynthError::BadParameter {
             name: "--capture",
@@ -58,12 +98,19 @@ pub(crate) fn diffuse_colour(capture: &Capture, progress: Progress) -> Result<Di
         .map(|pair| {
             let (view, light) = (pair / info.lights.len(), pair % info.lights.len());
             let cosine = info.lights.directions()[light].theta_deg.to_radians().cos().abs() as f32;
-            let linear: Vec<f32> = match capture.read(view, light)? {
-                Pixels::Encoded8(values) => {
-                    let table = info.linear_from_encoded8(light);
-                    values.iter().map(|value| table[usize::from(*value)]).collect()
+            let linear: Vec<f32> = match bands {
+                Some(bands) => {
+                    let all = capture.read_bands(view, light)?;
+                    let texels = all.chunks_exact(info.wavelengths_nm.len());
+                    texels.flat_map(|texel| bands.iter().map(|band| texel[*band])).collect()
                 }
-                Pixels::Linear(values) => values,
+                None => match capture.read(view, light)? {
+                    Pixels::Encoded8(values) => {
+                        let table = info.linear_from_encoded8(light);
+                        values.iter().map(|value| table[usize::from(*value)]).collect()
+                    }
+                    Pixels::Linear(values) => values,
+                },
             };
             let done = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             if progress(done, pairs.len()).is_break() {
@@ -72,8 +119,8 @@ pub(crate) fn diffuse_colour(capture: &Capture, progress: Progress) -> Result<Di
             Ok(linear.iter().map(|value| value / cosine).collect())
         })
         .collect::<Result<_, SynthError>>()?;
-    let (rgb, errors) = (0..texels).into_par_iter().map(|texel| median_colour(&images, texel)).unzip();
-    Ok(DiffuseColour { rgb, errors })
+    let (values, errors) = (0..texels * channels).into_par_iter().map(|at| median_over(&images, at)).unzip();
+    Ok(DiffuseColour { channels, values, errors })
 }
 
 /// Returns the pairs that count, at most `most`, spread over all.
@@ -101,20 +148,13 @@ fn chosen(info: &CaptureInfo, most: usize) -> Vec<usize> {
 /// Fraction of the golden ratio.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// Returns the median colour of a texel and its standard error.
-fn median_colour(images: &[Vec<f32>], texel: usize) -> ([f32; 3], [f32; 3]) {
-    let (mut rgb, mut errors) = ([0.0; 3], [0.0; 3]);
-    let mut values = Vec::with_capacity(images.len());
-    for channel in 0..3 {
-        values.clear();
-        values.extend(images.iter().map(|image| image[3 * texel + channel]));
-        let middle = median(&mut values);
-        values.iter_mut().for_each(|value| *value = (*value - middle).abs());
-        let deviation = DEVIATION * median(&mut values);
-        rgb[channel] = middle;
-        errors[channel] = (MEDIAN * deviation / (images.len() as f32).sqrt()).max(MIN_ERROR);
-    }
-    (rgb, errors)
+/// Returns the median over the images at place `at`, and its standard error.
+fn median_over(images: &[Vec<f32>], at: usize) -> (f32, f32) {
+    let mut values: Vec<f32> = images.iter().map(|image| image[at]).collect();
+    let middle = median(&mut values);
+    values.iter_mut().for_each(|value| *value = (*value - middle).abs());
+    let deviation = DEVIATION * median(&mut values);
+    (middle, (MEDIAN * deviation / (images.len() as f32).sqrt()).max(MIN_ERROR))
 }
 
 /// Returns the median: the mean of the two in the middle of an even number.
@@ -158,21 +198,25 @@ mod tests {
             images
         };
         let go_on = |_: usize, _: usize| std::ops::ControlFlow::Continue(());
-        let of =
-            |images: Vec<f32>| diffuse_colour(&Capture::from_linear(info.clone(), images).unwrap(), &go_on).unwrap();
+        let of = |images: Vec<f32>| {
+            diffuse_colour(&Capture::from_linear(info.clone(), images).unwrap(), None, &go_on).unwrap()
+        };
         let mut shadowed = images(2.0);
         // One view in nine lies in shadow.
         shadowed[..6 * 9].fill(0.0);
         let found = of(shadowed);
-        for (found, colour) in found.rgb.iter().zip(colours) {
+        for (texel, colour) in colours.into_iter().enumerate() {
+            let found = found.value(texel);
             assert!(found.iter().zip(colour).all(|(x, y)| (x - y).abs() < 0.004), "{found:?} {colour:?}");
         }
-        assert!(found.errors.iter().flatten().all(|error| *error >= MIN_ERROR));
+        assert!(found.errors.iter().all(|error| *error >= MIN_ERROR));
         // Planted difference: gloss without end is no body.
         let metal = of(images(2.0).iter().map(|x| x + 0.1).collect());
-        assert!((metal.rgb[0][0] - 0.2).abs() > 0.05);
+        assert!((metal.value(0)[0] - 0.2).abs() > 0.05);
+        let turned = found.clone().turned_over(2);
+        assert_eq!((turned.value(0), turned.error(1)), (found.value(1), found.error(0)));
         let stop = |_: usize, _: usize| std::ops::ControlFlow::Break(());
         let capture = Capture::from_linear(info.clone(), images(0.0)).unwrap();
-        assert!(matches!(diffuse_colour(&capture, &stop), Err(SynthError::Stopped)));
+        assert!(matches!(diffuse_colour(&capture, None, &stop), Err(SynthError::Stopped)));
     }
 }

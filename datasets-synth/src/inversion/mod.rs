@@ -1,5 +1,6 @@
 //! From measured spectra, or a capture, to the contents of a leaf.
 
+pub(crate) mod body_shares;
 pub(crate) mod diffuse_colour;
 pub(crate) mod digits;
 pub(crate) mod forward;

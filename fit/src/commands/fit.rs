@@ -66,7 +66,7 @@ pub(super) struct FitArgs {
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text, default_value = "4GB")]
     memory: u64,
     /// The error to make small: of gamma-encoded values, of linear ones, or relative; auto chooses relative where a
-    /// capture holds values above 1 and spans orders of magnitude, else gamma
+    /// capture holds values above ten times white and spans orders of magnitude, else gamma
     #[arg(long, value_enum, default_value = "auto")]
     error: ErrorArg,
     /// Hold this share of the direction pairs back, 0 to 0.9, and report their error apart

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use crate::leaf::spectra_db::{chemistry, leaves_of};
-use btf_capture::{Capture, DirectionSet};
+use btf_capture::{Capture, DirectionSet, ImageFormat};
 use btf_models::{LEAF_QUANTITIES, LeafDescription, TextureKind};
 use btf_synth::{
     AppearanceTextures, CaptureParams, Chlorosis, Deficiency, Inversion, InversionParams, Inverter, LeafContents,
@@ -98,7 +98,8 @@ fn noise() -> Result<(), Box<dyn Error>> {
 /// Texels of a row of the photographed leaf.
 const SIZE: usize = 128;
 
-/// Photographs a maize leaf that lacks nitrogen, and compares its maps with the textures that it was made of.
+/// Photographs a maize leaf that lacks nitrogen, in colours and in bands, and compares its maps with the textures that it was
+/// made of.
 fn maps() -> Result<(), Box<dyn Error>> {
     let go_on = |_: usize, _: usize| ControlFlow::Continue(());
     let parent = tempfile::tempdir()?;
@@ -107,11 +108,21 @@ fn maps() -> Result<(), Box<dyn Error>> {
     params.look.chlorosis = Some(Chlorosis { deficiency: Deficiency::Nitrogen, severity: Deficiency::SEVERITY });
     let set = DirectionSet::random(12, 1)?;
     params.capture = CaptureParams { size: SIZE, views: set.clone(), lights: set, ..params.capture };
+    let bands_to = |most: u32| (0..31).map(|i| 400.0 + f64::from(i * (most - 400)) / 30.0).collect::<Vec<f64>>();
+    let seen =
+        [("colours", Vec::new()), ("31 bands to 700 nm", bands_to(700)), ("31 bands to 2400 nm", bands_to(2400))];
     let mut captures = Vec::new();
-    for passage in [Passage::Reflection, Passage::Transmission] {
-        let folder = parent.path().join(format!("{passage:?}"));
-        write_leaf_capture(&folder, &LeafParams { passage, ..params.clone() }, &go_on)?;
-        captures.push(Capture::open(&folder)?);
+    for (name, wavelengths_nm) in seen {
+        let format = if wavelengths_nm.is_empty() { params.capture.format } else { ImageFormat::Exr };
+        let capture = CaptureParams { format, ..params.capture.clone() };
+        let of_name = LeafParams { wavelengths_nm, capture, ..params.clone() };
+        let mut both = Vec::new();
+        for passage in [Passage::Reflection, Passage::Transmission] {
+            let folder = parent.path().join(format!("{name} {passage:?}"));
+            write_leaf_capture(&folder, &LeafParams { passage, ..of_name.clone() }, &go_on)?;
+            both.push(Capture::open(&folder)?);
+        }
+        captures.push((name, both));
     }
     let folder = parent.path().join("textures");
     AppearanceTextures::new(&params)?.export(&folder)?;
@@ -125,23 +136,29 @@ fn maps() -> Result<(), Box<dyn Error>> {
     };
     println!("\n## Chlorophyll of a photographed leaf, ug/cm2, {SIZE} x {SIZE} texels\n");
     println!(
-        "| captures | RMSE | bias | correlation | standard error, median | colours missed by |\n|---|---|---|---|---|---|"
+        "| seen | captures | RMSE | bias | correlation | standard error, median | missed by | beside chlorophyll |\n|---|---|---|---|---|---|---|---|"
     );
-    for captures in [&captures[..], &captures[..1]] {
-        let maps = invert_captures(captures, &params.contents, &go_on)?;
+    for (name, captures) in captures.iter().flat_map(|(name, both)| [(name, &both[..]), (name, &both[..1])]) {
+        let maps = invert_captures(captures, &params.contents, &[], &go_on)?;
         let of = |texel: usize| f64::from(maps.pigment.values[3 * texel]) * maps.contents.chlorophyll_ug_per_cm2;
         let pairs: Vec<[f64; 2]> = (0..SIZE * SIZE).map(|texel| [truth(texel), of(texel)]).collect();
         let mean = |of: &dyn Fn(&[f64; 2]) -> f64| pairs.iter().map(of).sum::<f64>() / pairs.len() as f64;
         let (x, y) = (mean(&|pair| pair[0]), mean(&|pair| pair[1]));
         let spread = |i: usize, middle: f64| mean(&|pair| (pair[i] - middle).powi(2)).sqrt();
+        let leaf = LeafDescription { contents: maps.contents, ..LeafDescription::default() };
+        let told = |(i, error): &(usize, f64)| {
+            let quantity = &LEAF_QUANTITIES[*i];
+            format!("{} {:.4} +- {error:.4}", quantity.name, quantity.of(&leaf))
+        };
         println!(
-            "| {} | {:.2} | {:+.2} | {:.3} | {:.2} | {:.4} |",
+            "| {name} | {} | {:.2} | {:+.2} | {:.3} | {:.2} | {:.4} | {} |",
             captures.len(),
             mean(&|pair| (pair[1] - pair[0]).powi(2)).sqrt(),
             y - x,
             mean(&|pair| (pair[0] - x) * (pair[1] - y)) / (spread(0, x) * spread(1, y)),
             maps.standard_errors[0],
-            maps.rmse
+            maps.rmse,
+            maps.beside.iter().map(told).collect::<Vec<_>>().join(", ")
         );
     }
     Ok(())
