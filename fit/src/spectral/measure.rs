@@ -63,7 +63,7 @@ pub(crate) fn measure_bands(
     let colours = match stride {
         0 => None,
         _ => {
-            let is_picked = |pair: &usize| pair % stride == 0;
+            let is_picked = |pair: &usize| pair.is_multiple_of(stride);
             let asked = params.pairs.clone().unwrap_or_else(|| (0..info.pair_count()).collect());
             let pairs = asked.into_iter().filter(is_picked).collect();
             let params = MeasureParams { colour_stride: Some(stride), pairs: Some(pairs), ..params.clone() };
