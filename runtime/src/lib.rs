@@ -81,6 +81,7 @@ pub use file::resident_file::ResidentFile;
 pub use file::validate::{Report, validate};
 pub use leaf::body::LeafBody;
 pub use leaf::error::LeafError;
+pub use leaf::face_gloss::FaceGloss;
 pub use leaf::figures::{LEAF_BAND_NM, LEAF_ROWS, LeafRow};
 pub use leaf::leaf::Leaf;
 pub use leaf::optics::{LeafSpectrumRow, leaf_body_spectrum, leaf_spectrum};

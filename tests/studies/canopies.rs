@@ -28,6 +28,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     let cell = CanopyCell::strewn(LEAF_AREA_INDEX, SIDE_M, SIZE_M, 1)?;
     let leaf = [vec![0.10, 0.45], vec![0.08, 0.48]];
     let optics = CanopyOptics {
+        gloss: None,
         wavelengths_nm: vec![670.0, 800.0],
         leaf: [leaf.clone(), leaf],
         other: vec![0.0; 2],

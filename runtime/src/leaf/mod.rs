@@ -2,6 +2,7 @@
 
 pub(crate) mod body;
 pub(crate) mod error;
+pub(crate) mod face_gloss;
 pub(crate) mod figures;
 pub(crate) mod gloss;
 pub(crate) mod leaf;

@@ -1,7 +1,7 @@
 //! Photons of the sun, or of a white sky, through a canopy: where their light goes, in all bands at once.
 //!
 //! A photon begins anywhere above the cell with weight 1 in every band. Each surface takes its share, sends the photon on by a
-//! diffuse lobe, and is seen from every view with what it sends there (local estimate), so that one set of photons
+//! diffuse lobe, or that of a leaf's gloss, and is seen from every view with what it sends there (local estimate), so that one set of photons
 //! gives albedo, absorption and reflectance towards all views. Weights differ by band, paths do not.
 
 use super::cell::{CanopyCell, Met, Organ, Surface};
@@ -9,6 +9,7 @@ use super::optics::CanopyOptics;
 use super::structure::direction;
 use crate::render::control::Control;
 use crate::sampler;
+use btf_runtime::FaceGloss;
 use glam::Vec3;
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -119,6 +120,21 @@ pub(crate) fn trace(
     (0..BATCHES).into_par_iter().map(batch).collect()
 }
 
+/// How a photon goes on from a surface, on the side of a normal.
+enum Onwards {
+    /// By a diffuse lobe.
+    Diffuse(Vec3),
+    /// By a diffuse lobe under gloss.
+    UnderGloss(Vec3),
+    /// By the gloss.
+    Mirrored(Vec3),
+}
+
+/// Returns what a body under `gloss` sends out with a cosine to the normal, over a diffuse lobe without gloss.
+fn leaving(gloss: &FaceGloss, cosine: f64) -> f64 {
+    f64::from((1.0 - gloss.albedo(cosine as f32)) / (1.0 - gloss.mean_albedo()))
+}
+
 /// A photon on its way.
 struct Photon<'a> {
     /// Weight in each band.
@@ -141,14 +157,29 @@ impl Photon<'_> {
                 Met::Sky => return add(&mut tally.reflected, &self.weights),
                 Met::Lost => return add(&mut tally.lost, &self.weights),
                 Met::Soil(at) => {
-                    self.look_from(at, Vec3::Y, [&optics.soil, &optics.soil], tally);
+                    self.look_from(at, Vec3::Y, [&optics.soil, &optics.soil], |_| [1.0, 0.0], tally);
                     self.absorb(&optics.soil, &mut tally.soil);
                     towards = turned(Vec3::Y, [random.r#gen(), random.r#gen()]);
                     origin = at;
                 }
                 Met::Surface(surface) => {
-                    let side = self.meet(&surface, towards, random, tally);
-                    towards = turned(side, [random.r#gen(), random.r#gen()]);
+                    let onwards = self.meet(&surface, towards, random, tally);
+                    let numbers = [random.r#gen(), random.r#gen()];
+                    let side = match onwards {
+                        Onwards::Diffuse(side) => {
+                            towards = turned(side, numbers);
+                            side
+                        }
+                        Onwards::UnderGloss(side) => {
+                            towards = turned(side, numbers);
+                            self.leave(f64::from(side.dot(towards)));
+                            side
+                        }
+                        Onwards::Mirrored(side) => {
+                            towards = self.mirrored(side, towards, numbers);
+                            side
+                        }
+                    };
                     origin = cell.beside(surface.at, side);
                 }
             }
@@ -166,38 +197,77 @@ impl Photon<'_> {
         add(&mut tally.lost, &self.weights);
     }
 
-    /// Meets a surface of a plant: counts what it shows and absorbs, and returns the normal of the side on which the photon goes on.
-    fn meet(&mut self, surface: &Surface, towards: Vec3, random: &mut Xoshiro256PlusPlus, tally: &mut Tally) -> Vec3 {
+    /// Meets a surface of a plant: counts what it shows and absorbs, and returns how the photon goes on.
+    fn meet(
+        &mut self,
+        surface: &Surface,
+        towards: Vec3,
+        random: &mut Xoshiro256PlusPlus,
+        tally: &mut Tally,
+    ) -> Onwards {
         let Counted { optics, layers, cell, leaves, .. } = *self.counted;
         let upper = surface.normal.dot(towards) < 0.0;
         let normal = if upper { surface.normal } else { -surface.normal };
         if surface.organ == Organ::Other {
-            self.look_from(surface.at, normal, [&optics.other, &[]], tally);
+            self.look_from(surface.at, normal, [&optics.other, &[]], |_| [1.0, 0.0], tally);
             self.absorb(&optics.other, &mut tally.other);
-            return normal;
+            return Onwards::Diffuse(normal);
         }
         let [r, t] = &optics.leaf[usize::from(!upper)];
-        self.look_from(surface.at, normal, [r, t], tally);
+        // Shares of the light that the gloss sends back, and that it lets in.
+        let mirrors = optics.gloss.as_ref().map_or(0.0, |gloss| f64::from(gloss.albedo(-normal.dot(towards))));
+        let enters = 1.0 - mirrors;
+        let shown = |view: Vec3| {
+            let Some(gloss) = &optics.gloss else { return [1.0, 0.0] };
+            let cosine = normal.dot(view);
+            let leaves = leaving(gloss, f64::from(cosine.abs()));
+            let glossy = gloss.value(normal.into(), view.into(), (-towards).into());
+            [enters * leaves, f64::from(glossy) / f64::from(cosine.abs().max(f32::MIN_POSITIVE))]
+        };
+        self.look_from(surface.at, normal, [r, t], shown, tally);
         let bands = self.weights.len();
         let layer = cell.layer_of(surface.at.y, layers) * bands;
         let leaf = surface.leaf as usize * bands;
-        let (mut reflected, mut sent) = (0.0, 0.0);
+        let (mut mirrored, mut reflected, mut sent) = (0.0, 0.0, 0.0);
         for (band, weight) in self.weights.iter().enumerate() {
-            let absorbed = weight * (1.0 - r[band] - t[band]);
+            let absorbed = weight * (enters * (1.0 - r[band] - t[band]));
             tally.layers[layer + band] += absorbed;
             if leaves {
                 tally.leaves[leaf + band] += absorbed;
             }
-            reflected += weight * r[band];
-            sent += weight * (r[band] + t[band]);
+            mirrored += weight * mirrors;
+            reflected += weight * enters * r[band];
+            sent += weight * (mirrors + enters * (r[band] + t[band]));
         }
         // By the mean over the bands.
-        let chance = if sent > 0.0 { reflected / sent } else { 1.0 };
-        let reflects = random.r#gen::<f64>() < chance;
-        let (share, chance) = if reflects { (r, chance) } else { (t, 1.0 - chance) };
-        let scale = 1.0 / chance.max(f64::MIN_POSITIVE);
+        let [mirrors, reflects] = if sent > 0.0 { [mirrored / sent, reflected / sent] } else { [0.0, 1.0] };
+        let drawn = random.r#gen::<f64>();
+        if drawn < mirrors {
+            self.weights.iter_mut().for_each(|weight| *weight /= mirrors);
+            return Onwards::Mirrored(normal);
+        }
+        let reflected = drawn < mirrors + reflects;
+        let (share, chance) = if reflected { (r, reflects) } else { (t, 1.0 - mirrors - reflects) };
+        let scale = enters / chance.max(f64::MIN_POSITIVE);
         self.weights.iter_mut().zip(share).for_each(|(weight, share)| *weight *= share * scale);
-        if reflects { normal } else { -normal }
+        let side = if reflected { normal } else { -normal };
+        if optics.gloss.is_some() { Onwards::UnderGloss(side) } else { Onwards::Diffuse(side) }
+    }
+
+    /// Weighs a photon that leaves a body under gloss by a diffuse lobe, with a cosine to the normal.
+    fn leave(&mut self, cosine: f64) {
+        if let Some(gloss) = &self.counted.optics.gloss {
+            let factor = leaving(gloss, cosine);
+            self.weights.iter_mut().for_each(|weight| *weight *= factor);
+        }
+    }
+
+    /// Sends a photon on that the gloss reflects, and weighs it; a direction into the leaf has no weight.
+    fn mirrored(&mut self, normal: Vec3, towards: Vec3, at: [f32; 2]) -> Vec3 {
+        let Some(gloss) = &self.counted.optics.gloss else { return towards };
+        let (onwards, weight) = gloss.sample(normal.into(), (-towards).into(), at);
+        self.weights.iter_mut().for_each(|own| *own *= f64::from(weight));
+        Vec3::from(onwards)
     }
 
     /// Absorbs all but `share`.
@@ -209,8 +279,15 @@ impl Photon<'_> {
     }
 
     /// Adds what the views see of the light on a surface, which sends `shares` to the side of `normal` and to the other;
-    /// an empty share is nothing.
-    fn look_from(&self, at: Vec3, normal: Vec3, shares: [&[f64]; 2], tally: &mut Tally) {
+    /// an empty share is nothing. `shown` gives a factor on the share for a view, and what comes to all bands on top.
+    fn look_from(
+        &self,
+        at: Vec3,
+        normal: Vec3,
+        shares: [&[f64]; 2],
+        shown: impl Fn(Vec3) -> [f64; 2],
+        tally: &mut Tally,
+    ) {
         let Counted { cell, views, .. } = self.counted;
         let bands = self.weights.len();
         for (view, seen) in views.iter().zip(tally.views.chunks_exact_mut(bands)) {
@@ -220,8 +297,9 @@ impl Photon<'_> {
                 continue;
             }
             let factor = f64::from(cosine.abs() / view.y);
+            let [scale, on_top] = shown(*view);
             for ((seen, weight), share) in seen.iter_mut().zip(&self.weights).zip(share) {
-                *seen += weight * share * factor;
+                *seen += weight * (share * scale + on_top) * factor;
             }
         }
     }

@@ -141,7 +141,7 @@ pub struct CanopyMeasurement {
     pub light: Vec<CanopyLight>,
 }
 
-/// Measures a canopy. Leaves, other organs and soil are diffuse; triangles are flat.
+/// Measures a canopy. Leaves, but for a gloss that they may have, other organs and soil are diffuse; triangles are flat.
 ///
 /// # Errors
 /// [`ViewerError::Usage`] for parameters out of range and for more numbers than 1 GiB, [`ViewerError::Interrupted`] if
@@ -312,6 +312,7 @@ fn leaves_of(counted: &Counted, tallies: &[Tally]) -> Vec<LeafLight> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use btf_runtime::FaceGloss;
 
     /// A cell of 0.5 m x 0.5 m and 1 m.
     fn strewn(leaf_area_index: f64, side_m: f32, seed: u64) -> CanopyCell {
@@ -321,6 +322,7 @@ mod tests {
     /// A red and an infrared band.
     fn optics() -> CanopyOptics {
         CanopyOptics {
+            gloss: None,
             wavelengths_nm: vec![670.0, 800.0],
             leaf: [[vec![0.10, 0.45], vec![0.08, 0.48]], [vec![0.10, 0.45], vec![0.08, 0.48]]],
             other: vec![0.1, 0.4],
@@ -348,6 +350,74 @@ mod tests {
             let of_views = sun.views.iter().map(|view| view.reflectance_factor.value[band]);
             [sun.reflectance.value[band], sky.reflectance.value[band]].into_iter().chain(of_views).collect()
         })
+    }
+
+    /// One level leaf that covers a cell of 1 m x 1 m, over black soil.
+    fn sheet() -> CanopyCell {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sheet.obj");
+        std::fs::write(dir.path().join("sheet.mtl"), "newmtl leaf\nKd 0.5 0.5 0.5\n").unwrap();
+        let text = "mtllib sheet.mtl\nusemtl leaf\nv -0.5 0.5 -0.5\nv -0.5 0.5 0.5\nv 0.5 0.5 0.5\nv 0.5 0.5 -0.5\nf 1 2 3 4\n";
+        std::fs::write(&path, text).unwrap();
+        CanopyCell::load(&path, &["leaf".to_owned()], [1.0, 1.0]).unwrap()
+    }
+
+    #[test]
+    fn a_glossy_leaf_reflects_as_gloss_over_body_and_a_white_canopy_gives_back_all_light() {
+        let gloss = FaceGloss::new(1.45, 0.35);
+        let black = CanopyOptics { soil: vec![0.0; 2], ..optics() };
+        let glossy = black.clone().with_gloss(gloss.clone()).unwrap();
+        let params = CanopyParams { photons: 60_000, sun_zeniths_deg: vec![60.0], ..params() };
+        let params = CanopyParams { sky: false, view_zeniths_deg: vec![-75.0, -50.0, 0.0, 45.0], ..params };
+        let of = |optics: &CanopyOptics| measure_canopy(&sheet(), optics, &params, &Control::SILENT).unwrap();
+        let (told, dull) = (of(&glossy), of(&black));
+        let direction = |zenith_deg: f64| {
+            let (sin, cos) = (zenith_deg.to_radians() as f32).sin_cos();
+            [sin, 0.0, cos]
+        };
+        let albedo = |cosine: f64| f64::from(gloss.albedo(cosine as f32));
+        let (sun, normal) = (0.5, [0.0, 0.0, 1.0]);
+        for band in 0..2 {
+            // The measured reflectance is that along the normal.
+            let body = (optics().leaf[0][0][band] - albedo(1.0)) / (1.0 - albedo(1.0));
+            let near = |figures: &Figures, wanted: f64| {
+                let allowed = 4.0 * figures.standard_error[band] + 1e-3 * wanted;
+                assert!((figures.value[band] - wanted).abs() < allowed, "{figures:?} {wanted}");
+            };
+            let light = &told.light[0];
+            near(&light.reflectance, albedo(sun) + (1.0 - albedo(sun)) * body);
+            let through = optics().leaf[0][1][band] / (1.0 - albedo(1.0));
+            near(&light.absorbed_by_leaves, (1.0 - albedo(sun)) * (1.0 - body - through));
+            near(&light.absorbed_by_soil, (1.0 - albedo(sun)) * through);
+            for view in &light.views {
+                let (wi, wo) = (direction(60.0), direction(view.zenith_deg));
+                let cosine = view.zenith_deg.to_radians().cos();
+                let coupling = (1.0 - albedo(sun)) * (1.0 - albedo(cosine)) / (1.0 - f64::from(gloss.mean_albedo()));
+                let mirrored = f64::from(gloss.value(normal, wo, wi)) / cosine;
+                near(&view.reflectance_factor, body * coupling + mirrored);
+            }
+            // Planted difference: without the gloss an eye opposite the sun sees less.
+            let [with, without] = [&told, &dull].map(|told| told.light[0].views[1].reflectance_factor.value[band]);
+            assert!(with > 1.2 * without, "{with} {without}");
+        }
+        let white = CanopyOptics { leaf: [[vec![0.5; 2], vec![0.5; 2]], [vec![0.4; 2], vec![0.6; 2]]], ..optics() };
+        let told = measure_canopy(
+            &strewn(2.0, 0.02, 2),
+            &white.with_gloss(gloss.clone()).unwrap(),
+            &CanopyParams { photons: 20_000, view_zeniths_deg: Vec::new(), ..params.clone() },
+            &Control::SILENT,
+        );
+        let light = &told.unwrap().light[0];
+        for band in 0..2 {
+            assert!(light.absorbed_by_leaves.value[band].abs() < 1e-6, "{light:?}");
+            let all = [&light.reflectance, &light.absorbed_by_soil, &light.lost].map(|figures| figures.value[band]);
+            let error = light.reflectance.standard_error[band].hypot(light.absorbed_by_soil.standard_error[band]);
+            assert!((all.iter().sum::<f64>() - 1.0).abs() < 4.0 * error + 1e-3, "{all:?} {error}");
+        }
+        // A leaf that reflects less than its gloss is refused.
+        let dark = CanopyOptics { leaf: [[vec![0.01; 2], vec![0.0; 2]], [vec![0.01; 2], vec![0.0; 2]]], ..optics() };
+        let told = dark.with_gloss(gloss).unwrap_err().to_string();
+        assert!(told.contains("670 nm") && told.contains("smaller index"), "{told}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::error::ViewerError;
 use btf_capture::delimited::{fields, lines, separator_of};
 use btf_capture::toml_text::bounded_text;
+use btf_runtime::FaceGloss;
 use std::path::Path;
 
 /// Largest table that is read, in bytes.
@@ -15,8 +16,11 @@ pub const MAX_CANOPY_BANDS: usize = 256;
 pub struct CanopyOptics {
     /// Wavelengths of the bands in nanometres, ascending.
     pub wavelengths_nm: Vec<f64>,
-    /// Of light on a leaf's upper face, then on its lower: reflectance and transmittance of each band, 0 to 1.
+    /// Of light on a leaf's upper face, then on its lower: reflectance and transmittance of each band, 0 to 1; with a gloss, of
+    /// the light that it lets in.
     pub leaf: [[Vec<f64>; 2]; 2],
+    /// Gloss of both faces of leaves, if any.
+    pub gloss: Option<FaceGloss>,
     /// Reflectance of stems and other organs, which transmit nothing.
     pub other: Vec<f64>,
     /// Reflectance of the soil.
@@ -165,8 +169,30 @@ impl CanopyOptics {
             wavelengths_nm: wavelengths_nm.to_vec(),
             other: other.map_or_else(|| Ok(upper[0].clone()), first)?,
             leaf: [upper, lower],
+            gloss: None,
             soil: first(soil)?,
         })
+    }
+
+    /// Returns these optics with leaves whose faces have `gloss`. It takes its share of the leaf's reflectance, which is that of
+    /// light along the normal, and the body has the rest.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] for a leaf that reflects less in a band than the gloss alone.
+    pub fn with_gloss(mut self, gloss: FaceGloss) -> Result<CanopyOptics, ViewerError> {
+        let share = f64::from(gloss.albedo(1.0));
+        for [r, t] in &mut self.leaf {
+            if let Some(band) = (0..r.len()).find(|band| r[*band] < share) {
+                return Err(ViewerError::Usage(format!(
+                    "at {} nm the leaf reflects {:.4}, less than the gloss alone does, {share:.4}; give --gloss a smaller index",
+                    self.wavelengths_nm[band], r[band]
+                )));
+            }
+            r.iter_mut().for_each(|r| *r = (*r - share) / (1.0 - share));
+            t.iter_mut().for_each(|t| *t /= 1.0 - share);
+        }
+        self.gloss = Some(gloss);
+        Ok(self)
     }
 }
 

@@ -2,7 +2,8 @@
 
 use super::progress::with_progress;
 use super::report::write_json;
-use btf_models::field_m;
+use btf_models::{LeafDescription, LeafGloss, field_m};
+use btf_runtime::FaceGloss;
 use btf_viewer::{
     CanopyCell, CanopyLight, CanopyMeasurement, CanopyOptics, CanopyParams, Figures, LeafLight, MAX_CANOPY_BANDS,
     SpectraTable, ViewerError, canopy_svg, measure_canopy,
@@ -17,6 +18,9 @@ pub(super) struct MeasureArguments {
     /// Table (CSV) of a leaf's reflectance and transmittance, as `btf-synth spectrum --csv` writes it, of one face or both
     #[arg(long, value_name = "FILE")]
     pub(super) leaf: PathBuf,
+    /// Gloss of both faces of leaves: a leaf.toml, or index and roughness, as in 1.42,0.3 [default: none; all is diffuse]
+    #[arg(long, value_name = "FILE|INDEX,ROUGHNESS")]
+    pub(super) gloss: Option<String>,
     /// Table (CSV) of the soil's reflectance over nm, or one number, 0 to 1
     #[arg(long, value_name = "FILE|R")]
     pub(super) soil: String,
@@ -111,6 +115,27 @@ fn parse_photons(text: &str) -> Result<u32, String> {
         .ok_or_else(|| format!("it is a number from 1 to {most}, as in 1e6"))
 }
 
+/// Reads the gloss of a leaf's description, whose two roughnesses become one, or takes index and roughness.
+fn gloss_of(text: &str) -> Result<FaceGloss, ViewerError> {
+    let numbers = text
+        .split_once(',')
+        .and_then(|(index, roughness)| Some([index.trim().parse().ok()?, roughness.trim().parse().ok()?]));
+    let [index, roughness] = match numbers {
+        Some(numbers) => numbers,
+        None => {
+            let LeafGloss { index, gamma_along, gamma_across } = LeafDescription::read(text)?.gloss;
+            // The slope variance is the mean of both.
+            [index, (0.5 * (gamma_along * gamma_along + gamma_across * gamma_across)).sqrt()]
+        }
+    };
+    if !((1.01..=3.0).contains(&index) && (0.05..=1.0).contains(&roughness)) {
+        return Err(ViewerError::Usage(format!(
+            "a gloss of index {index} and roughness {roughness}; 1.01 to 3 and 0.05 to 1 are allowed, as in --gloss 1.42,0.3"
+        )));
+    }
+    Ok(FaceGloss::new(index as f32, roughness as f32))
+}
+
 /// Reads a table, or takes a number for all wavelengths.
 fn table(text: &str) -> Result<SpectraTable, ViewerError> {
     match text.parse::<f64>() {
@@ -132,11 +157,21 @@ pub(super) fn run(arguments: &MeasureArguments) -> Result<(), ViewerError> {
             ViewerError::Usage(format!("{path} does not say with which lengths it repeats; give --cell X,Z in metres"))
         })?,
     };
+    if LeafDescription::is_one(&arguments.leaf) {
+        let path = arguments.leaf.display();
+        return Err(ViewerError::Usage(format!(
+            "{path} describes a leaf; `btf-synth spectrum --leaf {path} --both-sides --csv leaf.csv` writes its table for --leaf, and --gloss {path} \
+             gives it its gloss"
+        )));
+    }
     let leaf = SpectraTable::read(&arguments.leaf)?;
     let soil = table(&arguments.soil)?;
     let other = arguments.other.as_deref().map(table).transpose()?;
     let bands_nm = bands_of(arguments, &leaf)?;
-    let optics = CanopyOptics::new(&bands_nm, &leaf, &soil, other.as_ref())?;
+    let mut optics = CanopyOptics::new(&bands_nm, &leaf, &soil, other.as_ref())?;
+    if let Some(gloss) = &arguments.gloss {
+        optics = optics.with_gloss(gloss_of(gloss)?)?;
+    }
     let cell = CanopyCell::load(&arguments.canopy, &arguments.leaf_parts, size_m)?;
     let params = CanopyParams {
         photons: arguments.photons,
