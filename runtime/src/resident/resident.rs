@@ -111,16 +111,20 @@ impl Resident {
     /// Replaces [`Spectrum::shown`], what decoders give; each number is clamped to [`MAX_BAND_WEIGHT`]. An asset of colours
     /// stays as it is. Returns the range of words that changed.
     pub fn set_shown(&mut self, shown: [Channels; 3]) -> Range<usize> {
-        let at = self.words()[SPECTRUM] as usize;
-        if at == 0 {
-            return 0..0;
-        }
-        let used = 3 * self.words()[at + 1] as usize;
-        let range = at + SPECTRUM_HEAD..at + SPECTRUM_HEAD + 3 * used;
+        let range = self.shown_range();
+        let used = range.len() / 3;
         let held = |x: &f32| x.clamp(-MAX_BAND_WEIGHT, MAX_BAND_WEIGHT);
         let numbers = shown.iter().flat_map(|row| &row[..used]).map(|x| if x.is_nan() { 0.0 } else { held(x) });
         self.own_words()[range.clone()].iter_mut().zip(numbers).for_each(|(word, x)| *word = x.to_bits());
         range
+    }
+
+    /// Returns the place of the words that [`Resident::set_shown`] changes; none for an asset of colours.
+    pub fn shown_range(&self) -> Range<usize> {
+        match self.words()[SPECTRUM] as usize {
+            0 => 0..0,
+            at => at + SPECTRUM_HEAD..at + SPECTRUM_HEAD + 9 * self.words()[at + 1] as usize,
+        }
     }
 
     /// Returns the words, which a storage buffer holds as they are.

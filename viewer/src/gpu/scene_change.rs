@@ -8,6 +8,8 @@ use std::ops::Range;
 pub enum SceneChange {
     /// The edits of an asset, by its number.
     Edits(usize),
+    /// What is shown of the bands of an asset, by its number.
+    Shown(usize),
     /// The state of a leaf.
     Leaf {
         /// Number of the leaf.

@@ -87,6 +87,12 @@ impl SceneWords {
         head.edited_ranges().into_iter().all(|range| self.arena.write(asset, head.words(), range))
     }
 
+    /// Writes what is shown of the bands of an asset.
+    pub(crate) fn write_shown(&self, scene: &Scene, asset: usize) -> bool {
+        let head = scene.assets[asset].head();
+        self.arena.write(asset, head.words(), head.shown_range())
+    }
+
     /// Writes a `range` of the words of a leaf.
     pub(crate) fn write_leaf(&self, scene: &Scene, leaf: usize, range: Range<usize>) -> bool {
         self.arena.write(self.leaves + leaf, scene.leaves[leaf].leaf.words(), range)

@@ -198,6 +198,7 @@ impl Tracer {
     pub fn update(&mut self, scene: &Scene, change: &SceneChange) -> Result<Updated, ViewerError> {
         let fits = match change {
             SceneChange::Edits(asset) => self.words.write_edits(scene, *asset),
+            SceneChange::Shown(asset) => self.words.write_shown(scene, *asset),
             SceneChange::Leaf { leaf, words } => self.words.write_leaf(scene, *leaf, words.clone()),
             SceneChange::Environment => self.words.write_environment(scene),
             SceneChange::Instances => {

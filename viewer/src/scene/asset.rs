@@ -3,7 +3,8 @@
 use crate::error::ViewerError;
 use btf_capture::SharedBytes;
 use btf_runtime::{
-    Asset, Edits, FormatError, HeightField, PackedGoal, Resident, ResidentFile, Spectrum, SurfaceSide, with_levels,
+    Asset, Channels, Edits, FormatError, HeightField, PackedGoal, Resident, ResidentFile, Spectrum, SurfaceSide,
+    with_levels,
 };
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -31,6 +32,8 @@ pub struct SceneAsset {
     /// The asset with its bases, once somebody has asked for them.
     expanded: OnceLock<Resident>,
     most_lobes: u32,
+    /// What an asset in bands shows by its file: colours under D65.
+    stored: Option<[Channels; 3]>,
 }
 
 /// An asset in its file form: what editing and planning go by.
@@ -90,7 +93,7 @@ impl SceneAsset {
 
     fn of_resident(name: String, file: ResidentFile) -> SceneAsset {
         let (head, size_mm) = (file.resident, file.size_mm);
-        let most_lobes = head.most_lobes();
+        let (most_lobes, stored) = (head.most_lobes(), head.spectrum().map(|spectrum| spectrum.shown));
         SceneAsset {
             name,
             path: None,
@@ -100,6 +103,7 @@ impl SceneAsset {
             has_bases: true,
             expanded: OnceLock::new(),
             most_lobes,
+            stored,
         }
     }
 
@@ -137,6 +141,7 @@ impl SceneAsset {
         let whole = with_levels(&asset, &parallel);
         let head = Resident::without_bases(&whole);
         let (size_mm, most_lobes) = (asset.size_mm, head.most_lobes());
+        let stored = head.spectrum().map(|spectrum| spectrum.shown);
         SceneAsset {
             name: name.into(),
             path: None,
@@ -146,6 +151,7 @@ impl SceneAsset {
             has_bases: false,
             expanded: OnceLock::new(),
             most_lobes,
+            stored,
         }
     }
 
@@ -199,15 +205,36 @@ impl SceneAsset {
     pub fn show_bands(&mut self, weights: impl Fn(&[f64]) -> Vec<[f32; 3]>) {
         let Some(spectrum) = self.spectrum() else { return };
         let nm: Vec<f64> = spectrum.wavelengths_nm.iter().map(|nm| f64::from(*nm)).collect();
-        let shown = spectrum.shown_through(&weights(&nm));
+        self.set_shown(spectrum.shown_through(&weights(&nm)));
+    }
+
+    /// Shows an asset in bands as its file has it: in colours under D65.
+    pub(crate) fn show_as_stored(&mut self) {
+        if let Some(stored) = self.stored {
+            self.set_shown(stored);
+        }
+    }
+
+    /// Returns whether an asset in bands is shown as its file has it.
+    pub(crate) fn shows_as_stored(&self) -> bool {
+        self.spectrum().map(|spectrum| spectrum.shown) == self.stored
+    }
+
+    /// Shows an asset in bands as another one is shown.
+    pub(crate) fn show_like(&mut self, other: &SceneAsset) {
+        if let (Some(_), Some(other)) = (self.stored, other.spectrum()) {
+            self.set_shown(other.shown);
+        }
+    }
+
+    /// Shows other sums of the channels; what is saved stays as the file has it.
+    fn set_shown(&mut self, shown: [Channels; 3]) {
         self.head.set_shown(shown);
         if let Some(resident) = self.expanded.get_mut() {
             resident.set_shown(shown);
         }
         if let Some(file) = &mut self.file {
-            for asset in [&mut file.asset, &mut file.whole] {
-                asset.spectrum.iter_mut().for_each(|spectrum| spectrum.shown = shown);
-            }
+            file.whole.spectrum.iter_mut().for_each(|spectrum| spectrum.shown = shown);
         }
     }
 

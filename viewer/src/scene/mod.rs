@@ -5,6 +5,7 @@ pub(crate) mod builtin;
 pub(crate) mod camera;
 pub(crate) mod file;
 pub(crate) mod gltf_asset;
+pub(crate) mod illuminant;
 pub(crate) mod landscape;
 pub(crate) mod leaf;
 pub(crate) mod leaf_width;

@@ -4,6 +4,7 @@ use super::panels::panel::Panel;
 use super::pictures::split::{Against, Split};
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions, SkyLight};
 use crate::scene::camera::Camera;
+use crate::scene::illuminant::{illuminant_of, show_under};
 use crate::scene::scene::{Ambient, PointLight, Scene};
 use crate::window::panels::lights::MAX_LIGHTS;
 use btf_runtime::{HeightUse, Interpolation};
@@ -20,6 +21,8 @@ pub(super) struct LinkedView {
     /// Eye, target and up of the camera, and its field of view in degrees.
     camera: Option<(Vec3, Vec3, Vec3, f32)>,
     exposure: Option<f32>,
+    /// Illuminant of assets in bands.
+    illuminant: Option<String>,
     /// Position and intensity of each point light.
     lights: Option<Vec<(Vec3, [f32; 3])>>,
     /// Radiance and reach of the ambient light; both 0 for none.
@@ -50,6 +53,7 @@ impl LinkedView {
         LinkedView {
             camera: (scene.camera != usual.camera).then_some((eye, target, up, fov_deg)),
             exposure: (scene.exposure_ev != usual.exposure_ev).then_some(scene.exposure_ev),
+            illuminant: illuminant_of(scene).filter(|name| Some(*name) != illuminant_of(usual)).map(str::to_owned),
             lights: (scene.lights != usual.lights).then(lights),
             ambient: (scene.ambient != usual.ambient).then_some((scene.ambient.radiance[1], scene.ambient.distance)),
             paths: ((shade.mode, shade.depth) != (plain.mode, plain.depth))
@@ -98,6 +102,9 @@ impl LinkedView {
         }
         if let Some(exposure) = self.exposure.filter(|exposure| exposure.abs() <= MAX_EXPOSURE_EV) {
             scene.exposure_ev = exposure;
+        }
+        if let Some(illuminant) = &self.illuminant {
+            show_under(scene, illuminant);
         }
         if let Some(lights) = &self.lights {
             let bright = |intensity: &[f32; 3]| intensity.iter().all(|x| x.is_finite() && *x >= 0.0);
@@ -159,6 +166,7 @@ mod tests {
     use crate::scene::asset::SceneAsset;
     use crate::scene::scene::MeshChoice;
     use crate::window::pictures::renderer::Renderer;
+    use btf_runtime::testing::sample_spectral_asset;
     use std::sync::Arc;
 
     fn seen() -> (Scene, Panel, Split) {
@@ -187,6 +195,21 @@ mod tests {
         assert_eq!(other_panel.shade, panel.shade);
         assert!(other_split.on && other_split.difference && other_split.against == Against::Measured);
         assert_eq!(LinkedView::of(&received, &usual, &other_panel.shade, &other_split).text(), sent);
+    }
+
+    #[test]
+    fn a_link_tells_the_illuminant_of_assets_in_bands() {
+        let bands = Arc::new(SceneAsset::new("bands", sample_spectral_asset(6, 8, 8)));
+        let usual = Scene::built_in(&MeshChoice::Sphere, vec![bands], [1.0; 2]).unwrap();
+        let (mut scene, split) = (usual.clone(), Split::new(1.0));
+        show_under(&mut scene, "A");
+        let sent = LinkedView::of(&scene, &usual, &ShadeOptions::default(), &split).text();
+        assert_eq!(sent, r#"{"illuminant":"A"}"#);
+        let mut received = usual.clone();
+        let mut panel = Panel::new(&received, ShadeOptions::default(), Renderer::Gpu(GpuTracer::Bvh));
+        LinkedView::read(&sent).apply(&mut received, &mut panel, &mut Split::new(1.0));
+        assert_eq!(illuminant_of(&received), Some("A"));
+        assert_eq!(illuminant_of(&usual), Some("D65"));
     }
 
     #[test]

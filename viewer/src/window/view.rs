@@ -264,6 +264,9 @@ impl View {
         if let Some(asset) = asked.edited {
             pictures.update(scene, &SceneChange::Edits(asset));
         }
+        if asked.illuminant {
+            (0..scene.assets.len()).for_each(|asset| pictures.update(scene, &SceneChange::Shown(asset)));
+        }
         if let Some(change) = &asked.leaf {
             pictures.update(scene, &SceneChange::Leaf { leaf: change.leaf, words: change.words.clone() });
             if change.plants {
@@ -531,6 +534,8 @@ impl View {
         let View { document, controls, pictures, .. } = self;
         link.apply(&mut document.scene, &mut controls.panel, &mut pictures.split);
         pictures.split.reset(&document.scene, document.at_hand());
+        let scene = &document.scene;
+        (0..scene.assets.len()).for_each(|asset| pictures.update(scene, &SceneChange::Shown(asset)));
         pictures.restart();
     }
 

@@ -3,11 +3,13 @@
 
 use crate::support::{backends, count_differences, gpu};
 use btf_models::{LeafDescription, LeafPreset, PlantVariation};
+use btf_runtime::testing::sample_grouped_spectrum;
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::testing::plant_factors;
 use btf_viewer::{
-    Body, Control, Daylight, DaylightParts, FrameRequest, GpuTracer, Material, Outdoors, PictureRequest, PictureServer,
-    RenderParams, Scene, SceneChange, SceneLeaf, SceneMesh, SceneObject, ShadeOptions, Shown, Tracer, Updated, plane,
+    Body, Control, Daylight, DaylightParts, FrameRequest, GpuTracer, Material, MeshChoice, Outdoors, PictureRequest,
+    PictureServer, RenderParams, Scene, SceneAsset, SceneChange, SceneLeaf, SceneMesh, SceneObject, ShadeOptions,
+    Shown, Tracer, Updated, plane,
 };
 use glam::{Mat4, Vec3};
 use std::path::Path;
@@ -78,6 +80,29 @@ fn leaf_plants_and_sky_change_in_place() {
         let mut stale = Tracer::new(&gpu, &scene(), GpuTracer::Bvh).unwrap();
         assert!(count_differences(&expected, &picture(&mut stale, &live)) > expected.len() / 50, "{name}");
     }
+}
+
+#[test]
+fn assets_in_bands_are_shown_under_another_light_in_place() {
+    let Some(gpu) = gpu("assets_in_bands_are_shown_under_another_light_in_place") else { return };
+    let asset = || Arc::new(SceneAsset::new("bands", sample_grouped_spectrum(6, 16, 16)));
+    let scene = || Scene::built_in(&MeshChoice::Sphere, vec![asset()], [1.0; 2]).unwrap();
+    let change = |scene: &mut Scene| {
+        let of_bands = |nm: &[f64]| (0..nm.len()).map(|band| [0.1, 0.02 * band as f32, 0.3]).collect();
+        Arc::make_mut(&mut scene.assets[0]).show_bands(of_bands);
+    };
+    let mut changed = scene();
+    change(&mut changed);
+    let expected = picture(&mut Tracer::new(&gpu, &changed, GpuTracer::Bvh).unwrap(), &changed);
+    let mut live = scene();
+    let mut tracer = Tracer::new(&gpu, &live, GpuTracer::Bvh).unwrap();
+    let before = picture(&mut tracer, &live);
+    change(&mut live);
+    // Planted: what was not uploaded is not seen.
+    assert!(count_differences(&before, &picture(&mut tracer, &live)) == 0);
+    assert_eq!(tracer.update(&live, &SceneChange::Shown(0)).unwrap(), Updated::InPlace);
+    assert_eq!(count_differences(&expected, &picture(&mut tracer, &live)), 0);
+    assert!(count_differences(&expected, &before) > expected.len() / 20);
 }
 
 #[test]

@@ -19,6 +19,8 @@ pub(crate) struct Asked {
     pub changed: bool,
     /// The asset whose edits changed.
     pub edited: Option<usize>,
+    /// Assets in bands are shown under another light.
+    pub illuminant: bool,
     /// Changes of a leaf.
     pub leaf: Option<LeafChange>,
     /// The light that surrounds the scene changed.

@@ -9,6 +9,7 @@ use super::status::Status;
 use super::thumbnails::Thumbnails;
 use super::wind::WindPanel;
 use crate::options::{MAX_DEPTH, RenderMode, ShadeOptions};
+use crate::scene::illuminant::{ILLUMINANTS, has_bands, illuminant_of, show_under};
 use crate::scene::scene::{Ambient, Scene};
 use crate::window::editing::document::Document;
 use crate::window::pictures::renderer::Renderer;
@@ -77,6 +78,7 @@ impl Panel {
         status.show(ui, &mut self.renderer);
         ui.separator();
         asked.changed |= self.show_decoding(ui, scene);
+        asked.illuminant = show_illuminants(ui, scene);
         ui.separator();
         self.show_surroundings(ui, scene, &mut asked);
         ui.separator();
@@ -104,7 +106,7 @@ impl Panel {
             ui.small(message);
         }
         ui.small("H: keys");
-        asked.changed |= asked.edited.is_some() || before != (self.shade, self.renderer);
+        asked.changed |= asked.edited.is_some() || asked.illuminant || before != (self.shade, self.renderer);
         asked
     }
 
@@ -212,4 +214,24 @@ impl Panel {
         ui.add(egui::Slider::new(&mut scene.exposure_ev, -6.0..=6.0).text("exposure, EV"));
         displaced
     }
+}
+
+/// Draws the illuminants of a scene with assets in bands; returns `true` if another one was chosen.
+fn show_illuminants(ui: &mut egui::Ui, scene: &mut Scene) -> bool {
+    if !has_bands(scene) {
+        return false;
+    }
+    let shown = illuminant_of(scene);
+    let mut chosen = None;
+    ui.horizontal(|ui| {
+        for (name, meaning) in ILLUMINANTS {
+            if ui.radio(shown == Some(name), name).on_hover_text(meaning).clicked() {
+                chosen = Some(name);
+            }
+        }
+        ui.label("illuminant").on_hover_text("the light under which materials in spectral bands are seen");
+    });
+    let Some(name) = chosen.filter(|name| shown != Some(*name)) else { return false };
+    show_under(scene, name);
+    true
 }

@@ -139,6 +139,7 @@ impl Split {
         match change {
             SceneChange::Edits(_) if self.against == Against::Measured => return,
             SceneChange::Edits(asset) => other.assets[*asset].clone_from(&scene.assets[*asset]),
+            SceneChange::Shown(asset) => Arc::make_mut(&mut other.assets[*asset]).show_like(&scene.assets[*asset]),
             SceneChange::Leaf { leaf, .. } => other.leaves[*leaf].clone_from(&scene.leaves[*leaf]),
             SceneChange::Environment => other.environment.clone_from(&scene.environment),
             SceneChange::Instances => other.geometry.clone_from(&scene.geometry),
