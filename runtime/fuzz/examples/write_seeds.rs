@@ -1,6 +1,8 @@
 //! Writes the first inputs of the fuzz targets to `corpus`. A fuzzer's `-merge=1` adds the inputs that it finds.
 
-use btf_runtime::testing::{Random, sample_grouped_asset, sample_volume};
+use btf_runtime::testing::{
+    Random, sample_grouped_asset, sample_grouped_spectrum, sample_spectral_asset, sample_volume,
+};
 use btf_runtime::{PackedGoal, Resident, ResidentFile, ResidualKind, pack, serial};
 use btf_runtime_fuzz::any_asset;
 use std::path::Path;
@@ -27,6 +29,12 @@ fn main() -> std::io::Result<()> {
         let resident = Resident::packed_on(&asset, PackedGoal::Noise(0.01), &serial);
         let packed = ResidentFile::with_words(asset, resident).pack().expect("it is small");
         std::fs::write(corpus.join("resident").join(format!("packed-{seed:02}")), packed)?;
+    }
+    for (seed, asset) in [sample_spectral_asset(1, 6, 5), sample_grouped_spectrum(2, 6, 5)].into_iter().enumerate() {
+        let name = format!("bands-{seed:02}");
+        std::fs::write(corpus.join("parse").join(&name), pack(&asset).expect("it keeps to the format"))?;
+        let resident = ResidentFile::of_asset(asset, &serial);
+        std::fs::write(corpus.join("resident").join(&name), resident.pack().expect("it is small"))?;
     }
     for seed in 0..12 {
         let volume = sample_volume(seed, 1 + seed as usize % 7, 1 + 3 * seed as usize);
