@@ -2,7 +2,8 @@
 //! `cargo run --release -p btf-tests -- leaf_table [RAYS]`
 //!
 //! Colours are those of all the light that leaves a face or passes the leaf, for light from several angles and several contents,
-//! against rays at 31 wavelengths, each with its own ways and indices.
+//! against rays at 31 wavelengths, each with its own ways and indices. Single directions are those of 72 patches of 15 by 30 degrees on
+//! either side.
 
 use std::error::Error;
 use std::f64::consts::{PI, TAU};
@@ -14,8 +15,8 @@ use crate::leaf::trade::{Spread, delta_e00_linear};
 use btf_runtime::testing::{Random, direction_from_degrees};
 use btf_runtime::{Leaf, LeafMode, LeafState, LeafTexel, LeafTexture, ViewedLeaf};
 use btf_synth::{
-    Abm97, AbmB, AbmU, Face, LeafModel, LeafTable, MicrogramsPerSquareCentimetre, Nanometres, Parallel, RgbBands,
-    RgbFromSpectrum, leaf_table, trace_path_lengths,
+    Abm97, AbmB, AbmU, Face, Goniogram, Goniophotometer, LeafModel, LeafTable, MicrogramsPerSquareCentimetre,
+    Nanometres, Parallel, RgbBands, RgbFromSpectrum, leaf_table, trace_path_lengths,
 };
 use btf_viewer::scattering_of;
 
@@ -170,5 +171,87 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
             t.max
         );
     }
+    println!(
+        "\n| model, side | incidence, degrees | RMS difference of patches over RMS | noise of the rays | Delta E00 of patches, mean |"
+    );
+    println!("|---|---|---|---|---|");
+    for model in &models {
+        let table = table_of(model, rays)?;
+        let leaf = leaf_of(&table, CONTENTS[2])?;
+        for incidence_deg in INCIDENCES_DEG {
+            for (side, told) in
+                patches(&with_contents(model, CONTENTS[2]), &leaf, incidence_deg, 2 * rays)?.iter().enumerate()
+            {
+                let name = ["back to the light", "through"][side];
+                let Patches { difference, noise, delta_e00 } = told;
+                println!(
+                    "| `{}`, {name} | {incidence_deg} | {difference:.3} | {noise:.3} | {delta_e00:.2} |",
+                    model.name()
+                );
+            }
+        }
+    }
     Ok(())
+}
+
+/// Differences between a live leaf and rays over the patches of a side.
+struct Patches {
+    /// Root mean square difference over the root mean square, over projected solid angle and colours.
+    difference: f64,
+    /// Standard error of the rays, the same way.
+    noise: f64,
+    /// Mean colour difference.
+    delta_e00: f64,
+}
+
+/// Returns the differences for light on the adaxial face, on the side of the light and on the other.
+fn patches(model: &LeafModel, leaf: &Leaf, incidence_deg: f64, rays: u64) -> Result<[Patches; 2], Box<dyn Error>> {
+    const RINGS: usize = 6;
+    const AZIMUTHS: usize = 12;
+    const COUNT: usize = RINGS * AZIMUTHS;
+    /// Directions along either side of a patch that the leaf is evaluated at.
+    const SAMPLES: usize = 6;
+    let convert = RgbFromSpectrum::new(RgbBands::Spectral31);
+    let tissue = model.tissue().ok_or("plates have no tissue")?;
+    let goniophotometer =
+        Goniophotometer { latitudes: 2 * RINGS, longitudes: AZIMUTHS, incidence_deg, ..Goniophotometer::default() };
+    let go_on = |_: usize, _: usize| ControlFlow::Continue(());
+    let nm = convert.wavelengths_nm().iter();
+    let grams: Vec<Goniogram> =
+        nm.map(|nm| goniophotometer.measure(&*tissue, Nanometres(*nm), rays, 5, &go_on)).collect::<Result<_, _>>()?;
+    // Rays of one seed err alike at neighbouring wavelengths.
+    let rgb = |of: &dyn Fn(&Goniogram) -> f64| convert.rgb(&grams.iter().map(|gram| PI * of(gram)).collect::<Vec<_>>());
+    let wi = direction_from_degrees(incidence_deg, 0.0);
+    let mut found = Vec::new();
+    for side in 0..2 {
+        let mut sums = [0.0; 4];
+        for patch in 0..COUNT {
+            let (ring, azimuth) = (patch / AZIMUTHS, patch % AZIMUTHS);
+            let truth = rgb(&|gram| [&gram.brdf, &gram.btdf][side][patch]);
+            let error = rgb(&|gram| [&gram.brdf_error, &gram.btdf_error][side][patch]);
+            let edge = |at: f64| (at * PI / 2.0 / RINGS as f64).sin().powi(2);
+            let (mut told, inner) = ([0.0; 3], edge(ring as f64));
+            let width = edge(ring as f64 + 1.0) - inner;
+            for i in 0..SAMPLES * SAMPLES {
+                // Even in the projected solid angle.
+                let sine = (inner + width * ((i / SAMPLES) as f64 + 0.5) / SAMPLES as f64).sqrt();
+                let phi = TAU * (azimuth as f64 + ((i % SAMPLES) as f64 + 0.5) / SAMPLES as f64) / AZIMUTHS as f64;
+                let up = if side == 0 { 1.0 } else { -1.0 };
+                let wo = [sine * phi.cos(), sine * phi.sin(), up * (1.0 - sine * sine).sqrt()].map(|x| x as f32);
+                let light = ViewedLeaf::new(leaf.words(), [0.5; 2], 0, [1.0; 4], wo).light(wi);
+                (0..3).for_each(|rgb| {
+                    told[rgb] += f64::from(light[rgb]) / f64::from(wi[2]) / (SAMPLES * SAMPLES) as f64;
+                });
+            }
+            for rgb in 0..3 {
+                sums[0] += width * (told[rgb] - truth[rgb]).powi(2);
+                sums[1] += width * truth[rgb].powi(2);
+                sums[2] += width * error[rgb].powi(2);
+            }
+            sums[3] += delta_e00_linear(told, truth) / COUNT as f64;
+        }
+        let [difference, square, noise, delta_e00] = sums;
+        found.push(Patches { difference: (difference / square).sqrt(), noise: (noise / square).sqrt(), delta_e00 });
+    }
+    found.try_into().map_err(|_| "two sides".into())
 }
