@@ -67,7 +67,7 @@ impl LeafDescription {
         let bad = |fault: String, remedy| ModelError::leaf(path, fault, remedy);
         let text = bounded_text(path, MAX_DESCRIPTION_BYTES, "a leaf's description")
             .map_err(|fault| bad(fault, "point to the description of a leaf (.toml)"))?;
-        LeafDescription::parse(&text).map_err(|fault| bad(fault, "correct it"))
+        LeafDescription::parse(&text).map_err(|fault| bad(one_line(&fault), "correct it"))
     }
 
     /// Tells whether a file describes a leaf, right or wrong, by the names of its tables; `false` for what is no TOML.
@@ -166,6 +166,12 @@ impl LeafDescription {
         }
         Ok(text)
     }
+}
+
+/// Returns a sentence that quotes a file as one line: control characters, which its texts may hold, as escapes.
+fn one_line(fault: &str) -> String {
+    let shown = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    fault.chars().map(shown).collect()
 }
 
 /// Refuses tables and keys that a description does not have.
@@ -281,6 +287,9 @@ mod tests {
             ("[look]\nspecies = \"oak\"", ["`species` in [look] as \"oak\"", "none of maize, soybean, tree, grass"]),
             ("[look]\ndeficiency = 3", ["`deficiency` in [look] as 3", "no text in quotes"]),
             ("[contents]\nbrown = \"a lot\"", ["as \"a lot\"", "no number"]),
+            ("[look]\nspecies = \"ma\\nize\"", ["as \"ma\\nize\", which", "maize"]),
+            ("[look]\nseed = \"a\\nb\"", ["`seed` in [look]", "not a whole number"]),
+            ("[contents]\n\"a\\nb\" = 3", ["unknown key `a\\nb` in [contents]", "chlorophyll"]),
             ("[contents]\nchlorophyl = 3", ["unknown key `chlorophyl` in [contents]", "chlorophyll_ug_per_cm2, "]),
             ("[leaf]\nx = 1", ["has `leaf`", "[variation] are known"]),
             ("look = 1", ["`look` as something else", "table"]),
