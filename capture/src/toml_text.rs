@@ -34,3 +34,9 @@ pub fn line_and_reason(text: &str, error: &toml::de::Error) -> (usize, String) {
     let line = text.as_bytes()[..at].iter().filter(|&&byte| byte == b'\n').count() + 1;
     (line, error.message().split_whitespace().collect::<Vec<_>>().join(" "))
 }
+
+/// Returns a sentence that quotes a file as one line: control characters, which texts in TOML may hold, as escapes.
+pub fn one_line(sentence: &str) -> String {
+    let shown = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    sentence.chars().map(shown).collect()
+}

@@ -1,5 +1,6 @@
 //! The errors of the viewer, each as one sentence that names the file or the missing thing.
 
+use btf_capture::toml_text::one_line;
 use std::path::{Path, PathBuf};
 
 /// Every error of this crate.
@@ -99,7 +100,8 @@ impl ViewerError {
     }
 
     pub(crate) fn scene(path: impl AsRef<Path>, reason: impl Into<String>) -> ViewerError {
-        ViewerError::Scene { path: path.as_ref().to_path_buf(), reason: reason.into() }
+        // A scene file may hold texts of several lines.
+        ViewerError::Scene { path: path.as_ref().to_path_buf(), reason: one_line(&reason.into()) }
     }
 
     /// Returns the exit status that COMMANDS promises: 2 usage, 130 Ctrl-C, else 1.
@@ -109,5 +111,16 @@ impl ViewerError {
             ViewerError::Interrupted => 130,
             _ => 1,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_in_a_scene_is_told_in_one_line() {
+        let told = ViewerError::scene("scene.toml", "there is no material `a\nb\u{1b}`").to_string();
+        assert_eq!(told, "scene.toml: there is no material `a\\nb\\u{1b}`");
     }
 }

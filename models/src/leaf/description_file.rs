@@ -44,7 +44,7 @@ use crate::leaf::description::LeafDescription;
 use crate::leaf::quantity::LEAF_QUANTITIES;
 use crate::leaf::species::{Deficiency, Species};
 use btf_capture::atomic::{parent_of, write_file_atomically};
-use btf_capture::toml_text::{bounded_text, line_and_reason};
+use btf_capture::toml_text::{bounded_text, line_and_reason, one_line};
 
 /// Largest description file in bytes.
 const MAX_DESCRIPTION_BYTES: u64 = 1 << 16;
@@ -166,12 +166,6 @@ impl LeafDescription {
         }
         Ok(text)
     }
-}
-
-/// Returns a sentence that quotes a file as one line: control characters, which its texts may hold, as escapes.
-fn one_line(fault: &str) -> String {
-    let shown = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    fault.chars().map(shown).collect()
 }
 
 /// Refuses tables and keys that a description does not have.
