@@ -6,6 +6,7 @@
 //! the fit gives the error between the measured directions. Filtered texels are those of a coarser level, 4 x 4 to one, beside
 //! the means of the capture's. Times are those of one evaluation on one core, relative to colours of the first asset.
 
+use crate::leaf::live::nanoseconds;
 use btf_capture::{Capture, Illuminant, Observer, delta_e00, lab_from_linear, shown_weights};
 use btf_fit::load_asset;
 use btf_runtime::{DecodeOptions, Query, Resident, evaluate, evaluate_bands, evaluate_many, with_levels};
@@ -14,7 +15,6 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rayon::prelude::*;
 use std::error::Error;
 use std::path::Path;
-use std::time::Instant;
 
 /// Pairs that values are taken at, and texels of each.
 const PAIRS: usize = 128;
@@ -28,8 +28,6 @@ const NDVI_NM: [f64; 2] = [670.0, 800.0];
 /// Level that filtered texels are taken from, and texels of the finest along a side of one.
 const LEVEL: u32 = 2;
 const SIDE: usize = 1 << LEVEL;
-/// Passes over all samples that the least time is taken of.
-const PASSES: usize = 5;
 
 /// Bands of some texels of a pair.
 struct Sample {
@@ -57,7 +55,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
         let (_, asset) = load_asset(Path::new(path))?;
         let resident = Resident::from_asset(&with_levels(&asset, &parallel));
         let row = row_of(&resident, &samples, nm)?;
-        let [colours_ns, bands_ns] = nanoseconds(&resident, &samples);
+        let [colours_ns, bands_ns] = times(&resident, &samples);
         let unit_ns = *unit_ns.get_or_insert(colours_ns);
         let times = format!("{:.2} | {:.2}", colours_ns / unit_ns, bands_ns / unit_ns);
         println!("| {path} | {bytes} | {row} | {times} |");
@@ -73,6 +71,9 @@ fn under(name: &str) -> String {
 fn samples_of(capture: &Capture) -> Result<Vec<Sample>, Box<dyn Error>> {
     let info = capture.info();
     let count = info.wavelengths_nm.len();
+    if !(info.width.is_multiple_of(SIDE) && info.height.is_multiple_of(SIDE)) {
+        return Err(format!("{}: its sides are no multiples of {SIDE} texels, which are filtered", info.name).into());
+    }
     let near = |units: Vec<[f32; 3]>| -> Vec<(usize, [f32; 3])> {
         units.into_iter().enumerate().filter(|(_, unit)| unit[2] >= MAX_THETA_DEG.to_radians().cos()).collect()
     };
@@ -175,22 +176,14 @@ fn row_of(resident: &Resident, samples: &[Sample], nm: &[f64]) -> Result<String,
 }
 
 /// Returns the nanoseconds of an evaluation of colours, many at a time, and of bands, which are colours where there are none.
-fn nanoseconds(resident: &Resident, samples: &[Sample]) -> [f64; 2] {
+fn times(resident: &Resident, samples: &[Sample]) -> [f64; 2] {
     let (options, queries) =
         (DecodeOptions::default(), samples.iter().map(|sample| sample.query).collect::<Vec<Query>>());
-    let least = |pass: &mut dyn FnMut()| {
-        let time = |_| {
-            let start = Instant::now();
-            pass();
-            start.elapsed().as_secs_f64() * 1e9 / queries.len() as f64
-        };
-        (0..PASSES).map(time).fold(f64::INFINITY, f64::min)
-    };
     let mut values = vec![[0.0; 3]; queries.len()];
-    let colours = least(&mut || evaluate_many(resident, 0, &queries, &options, &mut values));
+    let colours = nanoseconds(queries.len(), || evaluate_many(resident, 0, &queries, &options, &mut values));
     let Some(spectrum) = resident.spectrum() else { return [colours, colours] };
     let mut bands = vec![0.0; spectrum.weights.len()];
-    let of_bands = least(&mut || {
+    let of_bands = nanoseconds(queries.len(), || {
         for query in &queries {
             evaluate_bands(resident, &spectrum, 0, query, &options, std::hint::black_box(&mut bands));
         }

@@ -45,6 +45,17 @@ pub struct MeasureParams {
     pub bases: Option<Arc<SingleBases>>,
 }
 
+impl MeasureParams {
+    /// Returns the decoder of what is measured. `resident` must be `asset`'s.
+    pub(crate) fn decoder<'a>(&'a self, asset: &'a Asset, resident: &'a Resident) -> ImageDecoder<'a> {
+        let decoder = ImageDecoder::new(asset, resident, self.layer, &self.options);
+        match &self.bases {
+            Some(bases) => decoder.with_single_bases(bases),
+            None => decoder,
+        }
+    }
+}
+
 impl Default for MeasureParams {
     /// Returns the parameters that measure all pairs of layer 0, decoded as well as possible, within 4 GB.
     fn default() -> MeasureParams {
@@ -212,11 +223,7 @@ pub fn measure_images(
     params: &MeasureParams,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
-    let mut decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
-    if let Some(bases) = &params.bases {
-        decoder = decoder.with_single_bases(bases);
-    }
-    measure_decoder(&CaptureImages::new(info, read)?, asset, &decoder, params, None, monitor)
+    measure_decoder(&CaptureImages::new(info, read)?, asset, &params.decoder(asset, resident), params, None, monitor)
 }
 
 /// A capture whose images come from a function.

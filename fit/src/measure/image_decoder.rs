@@ -86,6 +86,8 @@ pub struct ImageDecoder<'a> {
     /// Weights of the channels of an asset with a spectrum in the values that are given, `[set][value]`: three to a set, of which
     /// the last is filled up with zeros. Empty for an asset of colours.
     shown: Vec<[Channels; 3]>,
+    /// Whether a value follows from each group of channels.
+    used: [bool; MAX_GROUPS],
     /// Values that are given for a texel: three colours, or bands.
     values: usize,
     /// Groups of channels.
@@ -180,6 +182,7 @@ impl<'a> ImageDecoder<'a> {
             tiles: texel_tiles(source, bases, options.lobes as usize),
             groups: spectrum.as_ref().map_or(1, |spectrum| spectrum.groups),
             shown: Vec::new(),
+            used: [true; MAX_GROUPS],
             values: 3,
         };
         match spectrum {
@@ -213,7 +216,13 @@ impl<'a> ImageDecoder<'a> {
     /// any number: weights of the channels in each, as those of [`btf_runtime::Spectrum::weights`] for all bands.
     pub fn showing(self, weights: &[Channels]) -> ImageDecoder<'a> {
         let set = |set: &[Channels]| std::array::from_fn(|value| set.get(value).copied().unwrap_or_default());
-        ImageDecoder { shown: weights.chunks(3).map(set).collect(), values: weights.len(), ..self }
+        let is_used = |group: usize| weights.iter().any(|weights| weights[3 * group..3 * group + 3] != [0.0; 3]);
+        ImageDecoder {
+            shown: weights.chunks(3).map(set).collect(),
+            used: std::array::from_fn(is_used),
+            values: weights.len(),
+            ..self
+        }
     }
 
     /// Returns whether values follow from the channels of a spectrum.
@@ -472,8 +481,8 @@ impl<'a> ImageDecoder<'a> {
         plan: &PairPlan,
         out: &mut TileChannels,
     ) {
-        for ((group, plan), out) in std::iter::once(plan).chain(&plan.more).enumerate().zip(out) {
-            if self.uses(group) {
+        for ((plan, out), used) in std::iter::once(plan).chain(&plan.more).zip(out).zip(self.used) {
+            if used {
                 self.decode_group(simd, tile, weights, plan, out);
             }
         }
@@ -487,7 +496,7 @@ impl<'a> ImageDecoder<'a> {
             return;
         };
         *out = [[0.0; TILE_TEXELS]; 3];
-        for (group, channels) in channels.iter().enumerate().take(self.groups).filter(|(group, _)| self.uses(*group)) {
+        for (group, channels) in channels.iter().enumerate().take(self.groups).filter(|(group, _)| self.used[*group]) {
             for (sums, weights) in out.iter_mut().zip(shown) {
                 for (channel, values) in channels.iter().enumerate() {
                     let weight = weights[3 * group + channel];
@@ -496,12 +505,6 @@ impl<'a> ImageDecoder<'a> {
             }
         }
         out.as_flattened_mut().iter_mut().for_each(|sum| *sum = sum.max(0.0));
-    }
-
-    /// Returns whether a value follows from a group of channels.
-    fn uses(&self, group: usize) -> bool {
-        let is_there = |weights: &Channels| weights[3 * group..3 * group + 3] != [0.0; 3];
-        self.shown.is_empty() || self.shown.as_flattened().iter().any(is_there)
     }
 
     /// Decodes the channels of a group of `tile`'s texels.

@@ -91,7 +91,7 @@ fn fit_channels(
     let banded = spectrum.as_ref().map(|spectrum| BandedCaptures { captures, spectrum });
     let (outcome, images) = fit_from(channels, banded.as_ref(), params, &checkpoint, &adapter, monitor)?;
     let FitOutcome { mut asset, lobe_use, lobes, components, clusters, left_out, .. } = outcome;
-    asset.spectrum = spectrum.clone();
+    asset.spectrum = spectrum;
     let resident = resident_in_parallel(&asset);
     let comparisons: Vec<Comparison> = checkpoint.whole().run("measure", || {
         let gpu = adapter.gpu()?;

@@ -152,7 +152,7 @@ impl StepSearch<'_> {
                 let resident = resident_in_parallel(&asset);
                 for (layer, capture) in banded.captures.iter().enumerate() {
                     let params = MeasureParams { colour_stride: Some(0), ..self.share_of(layer, capture.info()) };
-                    let found = measure_bands(capture, &asset, &resident, &params, self.monitor)?;
+                    let found = measure_bands(capture, &asset, &resident, banded.spectrum, &params, self.monitor)?;
                     add(capture.info(), found);
                 }
             }

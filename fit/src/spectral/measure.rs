@@ -2,7 +2,6 @@
 
 use crate::error::FitError;
 use crate::measure::compare::{CaptureImages, Comparison, MeasureParams, colour_pair_stride, measure, measure_decoder};
-use crate::measure::image_decoder::ImageDecoder;
 use crate::monitor::Monitor;
 use btf_capture::{Capture, Pixels};
 use btf_runtime::{Asset, Resident, Spectrum};
@@ -37,12 +36,12 @@ pub fn measure_capture(
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
     match common_bands(capture, asset) {
-        Some(_) => measure_bands(capture, asset, resident, params, monitor),
+        Some(spectrum) => measure_bands(capture, asset, resident, spectrum, params, monitor),
         None => measure(capture, asset, resident, params, monitor),
     }
 }
 
-/// Measures the asset, which has a spectrum, against `capture` in the bands of both, all bands alike; colour differences are
+/// Measures the asset, which has `spectrum`, against `capture` in the bands of both, all bands alike; colour differences are
 /// those under D65, for which some images are read twice. `resident` must be `asset`'s.
 ///
 /// # Errors
@@ -51,13 +50,11 @@ pub(crate) fn measure_bands(
     capture: &Capture,
     asset: &Asset,
     resident: &Resident,
+    spectrum: &Spectrum,
     params: &MeasureParams,
     monitor: &Monitor,
 ) -> Result<Comparison, FitError> {
-    let mut decoder = ImageDecoder::new(asset, resident, params.layer, &params.options);
-    if let Some(bases) = &params.bases {
-        decoder = decoder.with_single_bases(bases);
-    }
+    let decoder = params.decoder(asset, resident);
     let info = capture.info();
     let stride = params.colour_stride.unwrap_or_else(|| colour_pair_stride(info.views.len(), info.lights.len()));
     let colours = match stride {
@@ -71,8 +68,7 @@ pub(crate) fn measure_bands(
             Some(measure_decoder(&CaptureImages::new(info, &read)?, asset, &decoder, &params, None, monitor)?)
         }
     };
-    let bands = asset.spectrum.as_ref().map_or(&[][..], |spectrum| &spectrum.weights);
-    let decoder = decoder.showing(bands);
+    let decoder = decoder.showing(&spectrum.weights);
     let read = |view: usize, light: usize| Ok(Pixels::Linear(capture.read_bands(view, light)?));
     let params = MeasureParams { colour_stride: Some(0), ..params.clone() };
     let mut found = measure_decoder(&CaptureImages::new(info, &read)?, asset, &decoder, &params, None, monitor)?;

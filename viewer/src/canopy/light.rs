@@ -130,6 +130,14 @@ enum Onwards {
     Mirrored(Vec3),
 }
 
+impl Onwards {
+    /// Returns the normal of the side.
+    fn side(&self) -> Vec3 {
+        let (Onwards::Diffuse(side) | Onwards::UnderGloss(side) | Onwards::Mirrored(side)) = self;
+        *side
+    }
+}
+
 /// Returns what a body under `gloss` sends out with a cosine to the normal, over a diffuse lobe without gloss.
 fn leaving(gloss: &FaceGloss, cosine: f64) -> f64 {
     f64::from((1.0 - gloss.albedo(cosine as f32)) / (1.0 - gloss.mean_albedo()))
@@ -165,21 +173,14 @@ impl Photon<'_> {
                 Met::Surface(surface) => {
                     let onwards = self.meet(&surface, towards, random, tally);
                     let numbers = [random.r#gen(), random.r#gen()];
-                    let side = match onwards {
-                        Onwards::Diffuse(side) => {
-                            towards = turned(side, numbers);
-                            side
-                        }
-                        Onwards::UnderGloss(side) => {
-                            towards = turned(side, numbers);
-                            self.leave(f64::from(side.dot(towards)));
-                            side
-                        }
-                        Onwards::Mirrored(side) => {
-                            towards = self.mirrored(side, towards, numbers);
-                            side
-                        }
+                    let side = onwards.side();
+                    towards = match onwards {
+                        Onwards::Mirrored(_) => self.mirrored(side, towards, numbers),
+                        Onwards::Diffuse(_) | Onwards::UnderGloss(_) => turned(side, numbers),
                     };
+                    if let Onwards::UnderGloss(_) = onwards {
+                        self.leave(f64::from(side.dot(towards)));
+                    }
                     origin = cell.beside(surface.at, side);
                 }
             }

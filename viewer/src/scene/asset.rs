@@ -203,9 +203,21 @@ impl SceneAsset {
     /// Shows what `weights` make of the bands of an asset that has any, in place of colours under D65: of the bands'
     /// wavelengths in nanometres the weights `[band][channel]`.
     pub fn show_bands(&mut self, weights: impl Fn(&[f64]) -> Vec<[f32; 3]>) {
-        let Some(spectrum) = self.spectrum() else { return };
+        if let Some(shown) = self.shown_for(weights) {
+            self.set_shown(shown);
+        }
+    }
+
+    /// Returns the sums of channels by which [`SceneAsset::show_bands`] shows the bands; `None` for an asset without any.
+    pub(crate) fn shown_for(&self, weights: impl Fn(&[f64]) -> Vec<[f32; 3]>) -> Option<[Channels; 3]> {
+        let spectrum = self.spectrum()?;
         let nm: Vec<f64> = spectrum.wavelengths_nm.iter().map(|nm| f64::from(*nm)).collect();
-        self.set_shown(spectrum.shown_through(&weights(&nm)));
+        Some(spectrum.shown_through(&weights(&nm)))
+    }
+
+    /// Returns whether the asset has bands.
+    pub(crate) fn has_bands(&self) -> bool {
+        self.stored.is_some()
     }
 
     /// Shows an asset in bands as its file has it: in colours under D65.
@@ -222,7 +234,7 @@ impl SceneAsset {
 
     /// Shows an asset in bands as another one is shown.
     pub(crate) fn show_like(&mut self, other: &SceneAsset) {
-        if let (Some(_), Some(other)) = (self.stored, other.spectrum()) {
+        if let Some(other) = other.spectrum().filter(|_| self.has_bands()) {
             self.set_shown(other.shown);
         }
     }

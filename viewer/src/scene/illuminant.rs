@@ -10,41 +10,41 @@ pub(crate) const ILLUMINANTS: [(&str, &str); 3] =
 
 /// Tells whether an asset of the scene has bands.
 pub(crate) fn has_bands(scene: &Scene) -> bool {
-    scene.assets.iter().any(|asset| asset.spectrum().is_some())
+    scene.assets.iter().any(|asset| asset.has_bands())
 }
 
 /// Returns the illuminant under which the first asset in bands is shown to the CIE's observer; `None` for another one, such
 /// as one of a table, and for a scene without bands.
 pub(crate) fn illuminant_of(scene: &Scene) -> Option<&'static str> {
-    let asset = scene.assets.iter().find(|asset| asset.spectrum().is_some())?;
+    let asset = scene.assets.iter().find(|asset| asset.has_bands())?;
     if asset.shows_as_stored() {
         return Some(ILLUMINANTS[0].0);
     }
-    let spectrum = asset.spectrum()?;
-    let nm: Vec<f64> = spectrum.wavelengths_nm.iter().map(|nm| f64::from(*nm)).collect();
-    let is_shown = |name: &&str| {
-        weights_under(name, &nm).is_some_and(|weights| spectrum.shown_through(&weights) == spectrum.shown)
-    };
+    let shown = asset.spectrum()?.shown;
+    let is_shown = |name: &&str| lamp(name).and_then(|lamp| asset.shown_for(|nm| colours_of(&lamp, nm))) == Some(shown);
     ILLUMINANTS.iter().map(|(name, _)| *name).find(is_shown)
 }
 
 /// Shows the assets in bands under one of [`ILLUMINANTS`]; any other name changes nothing.
 pub(crate) fn show_under(scene: &mut Scene, name: &str) {
-    for asset in scene.assets.iter_mut().filter(|asset| asset.spectrum().is_some()) {
-        let asset = Arc::make_mut(asset);
-        if name == ILLUMINANTS[0].0 {
-            asset.show_as_stored();
-        } else if ILLUMINANTS.iter().any(|(known, _)| *known == name) {
-            asset.show_bands(|nm| weights_under(name, nm).unwrap_or_default());
+    let Some(lamp) = lamp(name) else { return };
+    for asset in scene.assets.iter_mut().filter(|asset| asset.has_bands()) {
+        match name == ILLUMINANTS[0].0 {
+            true => Arc::make_mut(asset).show_as_stored(),
+            false => Arc::make_mut(asset).show_bands(|nm| colours_of(&lamp, nm)),
         }
     }
 }
 
-/// Returns the weights of bands in colours under an illuminant other than daylight; `None` for a name that is none.
-fn weights_under(name: &str, nm: &[f64]) -> Option<Vec<[f32; 3]>> {
+/// Returns one of [`ILLUMINANTS`] by its name.
+fn lamp(name: &str) -> Option<Illuminant> {
     ILLUMINANTS.iter().find(|(known, _)| *known == name)?;
-    let illuminant = Illuminant::by_name(name).ok()?;
-    Some(shown_weights(nm, &illuminant, &Observer::cie_1931()))
+    Illuminant::by_name(name).ok()
+}
+
+/// Returns the weights of bands at wavelengths in nanometres in the colours that the CIE's observer sees.
+fn colours_of(lamp: &Illuminant, nm: &[f64]) -> Vec<[f32; 3]> {
+    shown_weights(nm, lamp, &Observer::cie_1931())
 }
 
 #[cfg(test)]

@@ -7,9 +7,9 @@ use btf_runtime::testing::sample_grouped_spectrum;
 use btf_runtime::{LeafMode, LeafTexel, LeafTexture};
 use btf_viewer::testing::plant_factors;
 use btf_viewer::{
-    Body, Control, Daylight, DaylightParts, FrameRequest, GpuTracer, Material, MeshChoice, Outdoors, PictureRequest,
-    PictureServer, RenderParams, Scene, SceneAsset, SceneChange, SceneLeaf, SceneMesh, SceneObject, ShadeOptions,
-    Shown, Tracer, Updated, plane,
+    Body, Control, Daylight, DaylightParts, FrameRequest, Gpu, GpuTracer, Material, MeshChoice, Outdoors,
+    PictureRequest, PictureServer, RenderParams, Scene, SceneAsset, SceneChange, SceneLeaf, SceneMesh, SceneObject,
+    ShadeOptions, Shown, Tracer, Updated, plane,
 };
 use glam::{Mat4, Vec3};
 use std::path::Path;
@@ -42,6 +42,30 @@ fn picture(tracer: &mut Tracer, scene: &Scene) -> Vec<[f32; 3]> {
     tracer.read_radiance().unwrap()
 }
 
+/// A scene that has changed while it is drawn.
+struct Live {
+    /// The picture of a scene that was so from the beginning.
+    expected: Vec<[f32; 3]>,
+    /// The picture before the change.
+    before: Vec<[f32; 3]>,
+    scene: Scene,
+    /// The tracer that drew it, and has not heard of the change.
+    tracer: Tracer,
+    change: SceneChange,
+}
+
+/// Changes a scene that is being drawn.
+fn live(gpu: &Gpu, scene: impl Fn() -> Scene, change: impl Fn(&mut Scene) -> SceneChange) -> Live {
+    let mut changed = scene();
+    change(&mut changed);
+    let expected = picture(&mut Tracer::new(gpu, &changed, GpuTracer::Bvh).unwrap(), &changed);
+    let mut scene = scene();
+    let mut tracer = Tracer::new(gpu, &scene, GpuTracer::Bvh).unwrap();
+    let before = picture(&mut tracer, &scene);
+    let change = change(&mut scene);
+    Live { expected, before, scene, tracer, change }
+}
+
 #[test]
 fn leaf_plants_and_sky_change_in_place() {
     let Some(gpu) = gpu("leaf_plants_and_sky_change_in_place") else { return };
@@ -66,13 +90,7 @@ fn leaf_plants_and_sky_change_in_place() {
         }),
     ];
     for (name, change) in changes {
-        let mut changed = scene();
-        change(&mut changed);
-        let expected = picture(&mut Tracer::new(&gpu, &changed, GpuTracer::Bvh).unwrap(), &changed);
-        let mut live = scene();
-        let mut tracer = Tracer::new(&gpu, &live, GpuTracer::Bvh).unwrap();
-        let before = picture(&mut tracer, &live);
-        let change = change(&mut live);
+        let Live { expected, before, scene: live, mut tracer, change } = live(&gpu, scene, change);
         assert_eq!(tracer.update(&live, &change).unwrap(), Updated::InPlace);
         assert_eq!(count_differences(&expected, &picture(&mut tracer, &live)), 0, "{name}");
         // Planted: what was not uploaded is not seen.
@@ -90,17 +108,12 @@ fn assets_in_bands_are_shown_under_another_light_in_place() {
     let change = |scene: &mut Scene| {
         let of_bands = |nm: &[f64]| (0..nm.len()).map(|band| [0.1, 0.02 * band as f32, 0.3]).collect();
         Arc::make_mut(&mut scene.assets[0]).show_bands(of_bands);
+        SceneChange::Shown(0)
     };
-    let mut changed = scene();
-    change(&mut changed);
-    let expected = picture(&mut Tracer::new(&gpu, &changed, GpuTracer::Bvh).unwrap(), &changed);
-    let mut live = scene();
-    let mut tracer = Tracer::new(&gpu, &live, GpuTracer::Bvh).unwrap();
-    let before = picture(&mut tracer, &live);
-    change(&mut live);
+    let Live { expected, before, scene: live, mut tracer, change } = live(&gpu, scene, change);
     // Planted: what was not uploaded is not seen.
     assert!(count_differences(&before, &picture(&mut tracer, &live)) == 0);
-    assert_eq!(tracer.update(&live, &SceneChange::Shown(0)).unwrap(), Updated::InPlace);
+    assert_eq!(tracer.update(&live, &change).unwrap(), Updated::InPlace);
     assert_eq!(count_differences(&expected, &picture(&mut tracer, &live)), 0);
     assert!(count_differences(&expected, &before) > expected.len() / 20);
 }
