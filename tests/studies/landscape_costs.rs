@@ -34,8 +34,8 @@ const BACKENDS: [(&str, BackendChoice); 3] = [
     ("ray-query", BackendChoice::Gpu(GpuTracer::RayQuery)),
 ];
 
-/// The models of a landscape's plants, as `cargo xtask volumes` grows them for its volumes.
-fn models(landscape: Landscape, folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
+/// Writes the models of a landscape's plants into a folder, as `cargo xtask volumes` grows them for its volumes.
+pub(crate) fn models(landscape: Landscape, folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
     let grass = PlantsParams { flowers: 0.0, ..PlantsParams::of(Species::Grass) };
     let tree = PlantsParams { branches: 2154, leaves: 6336, ..PlantsParams::of(Species::Tree) };
     let grown = match landscape {

@@ -8,12 +8,14 @@ pub mod bent_skins;
 pub mod beside;
 pub mod canopies;
 pub mod dolly;
+mod embree;
 pub mod fit_floor;
 mod fixtures;
 pub mod landscape_costs;
 pub mod leaf;
 pub mod lobe_worth;
 pub mod many_captures;
+pub mod rays;
 pub mod volume_costs;
 
 pub use fixtures::{

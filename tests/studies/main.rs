@@ -1,7 +1,7 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    bands, bent_skins, canopies, dolly, fit_floor, landscape_costs, leaf, lobe_worth, many_captures, volume_costs,
+    bands, bent_skins, canopies, dolly, fit_floor, landscape_costs, leaf, lobe_worth, many_captures, rays, volume_costs,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -9,7 +9,7 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 17] = [
+const STUDIES: [(&str, &str, Study); 18] = [
     ("abm_trade", "", leaf::abm_trade::run),
     ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
@@ -26,6 +26,7 @@ const STUDIES: [(&str, &str, Study); 17] = [
     ("leaf_trade", "", leaf::trade::run),
     ("lobe_worth", "ASSET.spmm...", lobe_worth::run),
     ("many_captures", "BTF_FIT [COUNT [WORKERS [KILLS]]]", many_captures::run),
+    ("rays", "CANOPY.glb [EMBREE.so]", rays::run),
     ("volume_costs", "[WIDTH]", volume_costs::run),
 ];
 

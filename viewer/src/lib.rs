@@ -130,6 +130,8 @@ pub use without_window::run_window;
 pub mod testing {
     #[cfg(not(target_arch = "wasm32"))]
     pub use crate::bench::gpu::parity::{ABSOLUTE, RELATIVE, count_differences, difference, random_queries};
+    #[cfg(not(target_arch = "wasm32"))]
+    pub use crate::bench::instanced_scene::instanced_scene;
     pub use crate::gpu::queries::decode_queries::{DecodeQuery, gpu_decode};
     pub use crate::gpu::queries::expand_queries::{gpu_expand, time_gpu_expand, time_upload};
     pub use crate::gpu::queries::walk_queries::{WalkQuery, WalkSum, cpu_walk, gpu_walk};

@@ -376,7 +376,7 @@ impl Geometry {
     }
 
     /// Returns the number of the mesh that an instance places.
-    pub(crate) fn mesh_of(&self, instance: usize) -> usize {
+    pub fn mesh_of(&self, instance: usize) -> usize {
         self.origins[instance][0]
     }
 
@@ -391,7 +391,7 @@ impl Geometry {
     }
 
     /// Iterates over the triangles of each mesh.
-    pub(crate) fn mesh_triangles(&self) -> impl Iterator<Item = &[Triangle]> {
+    pub fn mesh_triangles(&self) -> impl Iterator<Item = &[Triangle]> {
         self.meshes.iter().map(|mesh| &self.triangles[mesh.first_triangle as usize..][..mesh.triangles as usize])
     }
 

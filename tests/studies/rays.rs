@@ -1,0 +1,185 @@
+//! Rays a second through triangles, on one core of the CPU, as Markdown: `cargo run --release -p btf-tests -- rays
+//! CANOPY.glb [EMBREE.so]`, beside Embree where its library is named.
+//!
+//! Four kinds of rays: through the pixels of a picture; from what these meet towards the sun, and in a random direction of the
+//! sky (any hit will do); and in another random direction, to what reflects light (the nearest hit). The canopy is placed as
+//! often as makes so many triangles, or written out as one mesh; the forest is that of `btf-view scene forest` as triangles.
+//! Both tracers take turns, and the least of their times counts. Rows also tell how many rays meet something else.
+
+use crate::embree::Embree;
+use crate::landscape_costs::models;
+use btf_viewer::testing::instanced_scene;
+use btf_viewer::{AnyHit, Geometry, Landscape, LandscapeParams, Mesh, NO_HIT, Scene, Triangle, Vertex};
+use glam::{Mat4, Vec3, Vec4};
+use rand::{Rng, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+/// Pixels through which rays go, one each.
+const SIZE: [u32; 2] = [768, 432];
+/// Triangles of the canopies.
+const CANOPIES: [u64; 2] = [8_600_000, 100_000_000];
+/// Towards the sun.
+const SUN: Vec3 = Vec3::new(0.5, 0.6, 0.62);
+/// Turns of both tracers.
+const TURNS: usize = 5;
+/// How far before a surface rays begin that leave it, as a share of the distance from the eye.
+const OFFSET: f32 = 1e-4;
+/// Relative difference of two distances that counts as another hit.
+const SAME_DISTANCE: f32 = 1e-3;
+/// Farthest hit that is looked for.
+const FAR: f32 = 1e30;
+
+/// Rays of one kind.
+struct RaySet {
+    name: &'static str,
+    any: AnyHit,
+    /// Origins and unit directions.
+    rays: Vec<[Vec3; 2]>,
+}
+
+/// The four kinds of rays of a scene.
+fn ray_sets(scene: &Scene) -> Vec<RaySet> {
+    let [width, height] = SIZE;
+    let frame = scene.camera.frame(width, height);
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let camera: Vec<[Vec3; 2]> = pixels.map(|(x, y)| [frame.eye, frame.direction(x, y, [0.0; 2])]).collect();
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+    let [mut sun, mut sky, mut bounce] = [const { Vec::new() }; 3];
+    for [eye, direction] in &camera {
+        let hit = scene.geometry.trace(*eye, *direction, FAR, AnyHit::No);
+        if hit.primitive == NO_HIT {
+            continue;
+        }
+        let normal = normal(&scene.geometry, hit.instance, hit.primitive);
+        let normal = if normal.dot(*direction) > 0.0 { -normal } else { normal };
+        let origin = *eye + *direction * (hit.t * (1.0 - OFFSET));
+        let mut by_cosine = || {
+            // A point of the unit sphere on top of the normal.
+            let z = random.gen_range(-1.0f32..1.0);
+            let (sin, cos) = random.gen_range(0.0f32..std::f32::consts::TAU).sin_cos();
+            let across = (1.0 - z * z).sqrt();
+            (normal + Vec3::new(across * cos, across * sin, z)).normalize_or(normal)
+        };
+        sky.push([origin, by_cosine()]);
+        bounce.push([origin, by_cosine()]);
+        sun.push([origin, SUN.normalize()]);
+    }
+    vec![
+        RaySet { name: "camera", any: AnyHit::No, rays: camera },
+        RaySet { name: "sun", any: AnyHit::Yes, rays: sun },
+        RaySet { name: "sky", any: AnyHit::Yes, rays: sky },
+        RaySet { name: "bounce", any: AnyHit::No, rays: bounce },
+    ]
+}
+
+/// Returns the unit normal of a triangle in the world.
+fn normal(geometry: &Geometry, instance: u32, primitive: u32) -> Vec3 {
+    let rows = geometry.instances()[instance as usize].world_from_object.map(Vec4::from);
+    let [a, b, c] = geometry.corners(primitive).map(|corner| Vec3::from(rows.map(|row| row.dot(corner.extend(1.0)))));
+    (b - a).cross(c - a).normalize_or(Vec3::Y)
+}
+
+/// Returns the distances of all hits, negative without one, and the seconds of that.
+fn timed(rays: &RaySet, trace: impl Fn(Vec3, Vec3) -> f32) -> (Vec<f32>, f64) {
+    let start = Instant::now();
+    let hits = rays.rays.iter().map(|[origin, direction]| trace(*origin, *direction)).collect();
+    (hits, start.elapsed().as_secs_f64())
+}
+
+/// Traces rays by our hierarchy.
+fn by_ours(geometry: &Geometry, rays: &RaySet) -> (Vec<f32>, f64) {
+    timed(rays, |origin, direction| {
+        let hit = geometry.trace(origin, direction, FAR, rays.any);
+        match (hit.primitive, rays.any) {
+            (NO_HIT, _) => -1.0,
+            (_, AnyHit::Yes) => 0.0,
+            _ => hit.t,
+        }
+    })
+}
+
+/// Traces rays by Embree.
+fn by_embree(embree: &Embree, rays: &RaySet) -> (Vec<f32>, f64) {
+    timed(rays, |origin, direction| {
+        let [origin, direction] = [origin.to_array(), direction.to_array()];
+        match rays.any {
+            AnyHit::Yes => -f32::from(!embree.occluded(origin, direction, FAR)),
+            _ => embree.nearest(origin, direction, FAR).unwrap_or(-1.0),
+        }
+    })
+}
+
+/// Prints the rows of a scene.
+fn measure(name: &str, scene: &Scene, embree: Option<&Path>) -> Result<(), Box<dyn Error>> {
+    let geometry = &*scene.geometry;
+    let embree = embree.map(|library| Embree::new(library, geometry)).transpose()?;
+    for rays in ray_sets(scene) {
+        let count = rays.rays.len() as f64;
+        let (mut ours, mut theirs) = (f64::MAX, f64::MAX);
+        let mut differing = 0;
+        for _ in 0..TURNS {
+            let (hits, seconds) = by_ours(geometry, &rays);
+            ours = ours.min(seconds);
+            if let Some(embree) = &embree {
+                let (their_hits, seconds) = by_embree(embree, &rays);
+                theirs = theirs.min(seconds);
+                let differs = |(a, b): &(&f32, &f32)| (*a - *b).abs() > SAME_DISTANCE * b.abs().min(1e20);
+                differing = hits.iter().zip(&their_hits).filter(differs).count();
+            }
+        }
+        let m_rays = |seconds: f64| 1e-6 * count / seconds;
+        print!("| {name} | {} | {} | {count} | {:.2} |", geometry.placed_triangles(), rays.name, m_rays(ours));
+        match &embree {
+            Some(_) => println!(" {:.2} | {:.2} | {differing} |", m_rays(theirs), theirs / ours),
+            None => println!(" | | |"),
+        }
+    }
+    Ok(())
+}
+
+/// Writes all instances of a scene out as one mesh.
+fn flattened(geometry: &Geometry) -> Result<Geometry, String> {
+    let meshes: Vec<&[Triangle]> = geometry.mesh_triangles().collect();
+    let mut mesh = Mesh::default();
+    for (number, instance) in geometry.instances().iter().enumerate() {
+        let rows = instance.world_from_object.map(Vec4::from);
+        let map = Mat4::from_cols(rows[0], rows[1], rows[2], Vec4::W).transpose();
+        let triangles = meshes[geometry.mesh_of(number)];
+        let used = || triangles.iter().flat_map(|triangle| triangle.vertices);
+        let (first, last) = (used().min().unwrap_or(0), used().max().unwrap_or(0));
+        let before = mesh.vertices.len() as u32;
+        let placed =
+            |vertex: &Vertex| Vertex { position: map.transform_point3(vertex.position.into()).to_array(), ..*vertex };
+        mesh.vertices.extend(geometry.vertices()[first as usize..=last as usize].iter().map(placed));
+        mesh.triangles.extend(triangles.iter().map(|triangle| Triangle {
+            vertices: triangle.vertices.map(|vertex| vertex - first + before),
+            ..*triangle
+        }));
+    }
+    Geometry::new(mesh.vertices, mesh.triangles)
+}
+
+/// Runs the study.
+///
+/// # Errors
+/// Those of reading the canopy and opening Embree.
+pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
+    let [canopy, rest @ ..] = arguments else { return Err("name the canopy, a .glb file".into()) };
+    let embree = rest.first().map(Path::new);
+    println!("| scene | triangles | rays | number | ours, M/s | Embree, M/s | ours of Embree's | other hits |");
+    println!("|{}", "---|".repeat(8));
+    for triangles in CANOPIES {
+        measure("canopy", &instanced_scene(Path::new(canopy), triangles)?, embree)?;
+    }
+    let mut scene = instanced_scene(Path::new(canopy), CANOPIES[0])?;
+    *std::sync::Arc::make_mut(&mut scene.geometry) = flattened(&scene.geometry)?;
+    measure("canopy as one mesh", &scene, embree)?;
+    let folder = tempfile::tempdir()?;
+    let params = LandscapeParams { meshes: models(Landscape::Forest, folder.path())?, ..LandscapeParams::default() };
+    let (mut forest, _) = Landscape::Forest.scene(&params)?;
+    std::sync::Arc::make_mut(&mut forest.geometry).set_leaf_widths(|_, _| 0.0);
+    measure("forest", &forest, embree)
+}
