@@ -5,6 +5,7 @@ use btf_viewer::{Geometry, Instance, Triangle, Vertex};
 use libloading::Library;
 use std::error::Error;
 use std::ffi::{CStr, c_char, c_int, c_uint, c_void};
+use std::mem::ManuallyDrop;
 use std::path::Path;
 use std::ptr::{null, null_mut};
 
@@ -108,8 +109,8 @@ pub struct Embree {
     device: Handle,
     /// Of each mesh, then that of the instances, through which rays are traced.
     scenes: Vec<Handle>,
-    // Closed last.
-    _library: Library,
+    // Never closed: its threads may still run.
+    _library: ManuallyDrop<Library>,
 }
 
 impl Embree {
@@ -125,7 +126,7 @@ impl Embree {
         // SAFETY: handles are used as the headers say, and each is released once, in `drop`.
         unsafe {
             let device = (functions.rtcNewDevice)(null());
-            let mut embree = Embree { functions, device, scenes: Vec::new(), _library: library };
+            let mut embree = Embree { functions, device, scenes: Vec::new(), _library: ManuallyDrop::new(library) };
             if device.is_null() {
                 return Err("Embree gives no device".into());
             }

@@ -2,14 +2,14 @@
 //! a primitive has one number on the CPU, in the compute BVH and in the acceleration structure; and instances, which
 //! place meshes in the world.
 
-use crate::geometry::bvh_build::{BuildParams, Item, build};
-use crate::geometry::bvh_node::{Bounds, BvhNode};
+use crate::geometry::bvh_build::{build, fit};
+use crate::geometry::bvh_node::{Bounds, BvhNode, CHILDREN};
+use crate::geometry::lanes::Corners;
 use glam::{Mat4, Vec3, Vec4};
 
-/// Limits of a mesh's hierarchy: 2^24 triangles in leaves of 4 add 22 levels at most to the depth of halving.
-const TRIANGLES: BuildParams = BuildParams { least_items: 4, most_items: 16, halving_depth: 24 };
-/// Limits of the hierarchy over the instances: 2^20 add 20 levels.
-const INSTANCES: BuildParams = BuildParams { least_items: 1, most_items: 1, halving_depth: 13 };
+/// Triangles of a leaf of a mesh's hierarchy, and instances of a leaf of the hierarchy over them, at most.
+const TRIANGLES: u32 = 3;
+const INSTANCES: u32 = 1;
 /// Triangles that all meshes have together at most.
 const MAX_TRIANGLES: usize = 1 << 24;
 /// Instances at most: as many as the smallest storage binding of 128 MiB holds.
@@ -87,6 +87,18 @@ pub(crate) struct MeshRange {
     pub triangles: u32,
     root: u32,
     bounds: Bounds,
+    /// Boxes of the hierarchy's first children, which together are tighter around a placed mesh than `bounds`.
+    parts: [Bounds; CHILDREN],
+}
+
+impl MeshRange {
+    /// Returns a box around the mesh where an affine map takes it.
+    fn placed(&self, map: Mat4) -> Bounds {
+        self.parts
+            .iter()
+            .filter(|part| part.lo.x <= part.hi.x)
+            .fold(Bounds::EMPTY, |all, part| all.add(part.placed(map)))
+    }
 }
 
 /// All triangles of a scene, its instances and their hierarchies.
@@ -94,6 +106,8 @@ pub(crate) struct MeshRange {
 pub struct Geometry {
     vertices: Vec<Vertex>,
     triangles: Vec<Triangle>,
+    /// Of each triangle, where the CPU finds them together.
+    corners: Vec<Corners>,
     meshes: Vec<MeshRange>,
     instances: Vec<Instance>,
     /// For each instance: the number of its mesh, and its number among the placements that were given.
@@ -101,6 +115,8 @@ pub struct Geometry {
     /// The meshes' hierarchies one after the other, then the one over the instances.
     nodes: Vec<BvhNode>,
     root: u32,
+    /// Around everything.
+    bounds: Bounds,
 }
 
 impl Geometry {
@@ -133,11 +149,13 @@ impl Geometry {
         let mut geometry = Geometry {
             vertices: Vec::with_capacity(vertices),
             triangles: Vec::with_capacity(triangles),
+            corners: Vec::with_capacity(triangles),
             meshes: Vec::with_capacity(meshes.len()),
             instances: Vec::new(),
             origins: Vec::new(),
             nodes: Vec::new(),
             root: 0,
+            bounds: Bounds::EMPTY,
         };
         for mesh in meshes {
             geometry.add_mesh(mesh)?;
@@ -161,33 +179,36 @@ impl Geometry {
             (b - a).cross(c - a).length_squared() > 0.0
         });
         let bounds_of = |triangle: &Triangle| corners(triangle).into_iter().fold(Bounds::EMPTY, Bounds::add_point);
-        let mut items: Vec<Item> =
-            triangles.iter().enumerate().map(|(index, triangle)| Item::new(index, bounds_of(triangle))).collect();
+        let boxes: Vec<Bounds> = triangles.iter().map(bounds_of).collect();
         let (first_vertex, first_triangle) = (self.vertices.len() as u32, self.triangles.len());
         let root = self.nodes.len();
-        let mut bounds = Bounds::EMPTY;
-        if !items.is_empty() {
-            let nodes = build(&mut items, TRIANGLES, root, first_triangle);
-            bounds = nodes[0].bounds();
+        let (mut bounds, mut parts) = (Bounds::EMPTY, [Bounds::EMPTY; CHILDREN]);
+        if !boxes.is_empty() {
+            let (mut nodes, order) = build(&boxes, TRIANGLES, root, first_triangle);
+            let of_triangle = |number: u32| boxes[order[number as usize - first_triangle] as usize];
+            bounds = fit(&mut nodes, root, of_triangle)[0];
+            parts = nodes[0].boxes();
             self.nodes.extend(nodes);
+            self.corners.extend(order.iter().map(|number| Corners::new(corners(&triangles[*number as usize]))));
+            self.triangles.extend(order.iter().map(|number| {
+                let triangle = triangles[*number as usize];
+                Triangle { vertices: triangle.vertices.map(|index| index + first_vertex), ..triangle }
+            }));
         }
-        self.triangles.extend(items.iter().map(|item| {
-            let triangle = triangles[item.index as usize];
-            Triangle { vertices: triangle.vertices.map(|index| index + first_vertex), ..triangle }
-        }));
         self.vertices.extend(vertices);
         self.meshes.push(MeshRange {
             first_triangle: first_triangle as u32,
-            triangles: items.len() as u32,
+            triangles: boxes.len() as u32,
             root: root as u32,
             bounds,
+            parts,
         });
         Ok(())
     }
 
     fn place(&mut self, placements: &[Placement]) -> Result<(), String> {
         let mut placed = Vec::new();
-        let mut items = Vec::new();
+        let mut boxes = Vec::new();
         for (number, placement) in placements.iter().enumerate() {
             let mesh = self.meshes.get(placement.mesh).ok_or("an instance names a mesh that is not there")?;
             let map = placement.world_from_object;
@@ -198,18 +219,20 @@ impl Geometry {
             if mesh.triangles == 0 {
                 continue;
             }
-            let corners = mesh.bounds.corners().map(|corner| map.transform_point3(corner));
-            items.push(Item::new(items.len(), corners.into_iter().fold(Bounds::EMPTY, Bounds::add_point)));
+            boxes.push(mesh.placed(map));
+            self.bounds = self.bounds.add(mesh.bounds.placed(map));
             placed.push((number, placement.mesh, map, inverse));
         }
-        if items.is_empty() {
+        if boxes.is_empty() {
             return Err("no triangle with an area is left".into());
         }
-        let top = build(&mut items, INSTANCES, self.nodes.len(), 0);
-        self.root = self.nodes.len() as u32;
-        self.nodes.extend(top);
-        for item in &items {
-            let (number, mesh, map, inverse) = placed[item.index as usize];
+        let root = self.nodes.len();
+        let (mut nodes, order) = build(&boxes, INSTANCES, root, 0);
+        fit(&mut nodes, root, |instance| boxes[order[instance as usize] as usize]);
+        self.root = root as u32;
+        self.nodes.extend(nodes);
+        for number in order {
+            let (number, mesh, map, inverse) = placed[number as usize];
             let MeshRange { root, first_triangle, .. } = self.meshes[mesh];
             self.origins.push([mesh, number]);
             self.instances.push(Instance {
@@ -239,6 +262,7 @@ impl Geometry {
                 .iter()
                 .map(|triangle| Triangle { vertices: triangle.vertices.map(|vertex| vertex + vertices), ..*triangle }),
         );
+        all.corners.extend(&other.corners);
         all.nodes.extend(self.nodes_behind(other));
         all.meshes.extend(other.meshes.iter().map(|mesh| MeshRange {
             first_triangle: mesh.first_triangle + triangles,
@@ -259,13 +283,10 @@ impl Geometry {
         let [triangles, nodes, instances] =
             [self.triangles.len(), self.nodes.len(), self.instances.len()].map(|count| count as u32);
         // The hierarchy over the instances is the last.
-        other.nodes.iter().zip(0..).map(move |(node, number)| {
-            let before = match node.count {
-                0 => nodes,
-                _ if number < other.root => triangles,
-                _ => instances,
-            };
-            BvhNode { first: node.first + before, ..*node }
+        other.nodes.iter().zip(0..).map(move |(node, number)| BvhNode {
+            first_child: node.first_child + nodes,
+            first_primitive: node.first_primitive + if number < other.root { triangles } else { instances },
+            ..*node
         })
     }
 
@@ -275,15 +296,13 @@ impl Geometry {
         for (vertex, position) in self.vertices[first..].iter_mut().zip(positions) {
             vertex.position = position.to_array();
         }
-        // Children stand behind their parents, and the hierarchy over the instances behind those of the meshes.
-        let root = self.root as usize;
-        for number in (0..root).rev() {
-            let BvhNode { first, count, .. } = self.nodes[number];
-            let of_triangles = |all: Bounds, triangle| self.corners(triangle).into_iter().fold(all, Bounds::add_point);
-            self.set_bounds(number, (first..first + count).fold(Bounds::EMPTY, of_triangles));
+        for (corners, triangle) in self.corners.iter_mut().zip(&self.triangles) {
+            *corners = Corners::new(triangle.vertices.map(|index| self.vertices[index as usize].position.into()));
         }
+        let corners = &self.corners;
+        let all = fit(&mut self.nodes[..self.root as usize], 0, |number| corners[number as usize].bounds());
         for mesh in self.meshes.iter_mut().filter(|mesh| mesh.triangles > 0) {
-            mesh.bounds = self.nodes[mesh.root as usize].bounds();
+            (mesh.bounds, mesh.parts) = (all[mesh.root as usize], self.nodes[mesh.root as usize].boxes());
         }
         self.refit_instances();
     }
@@ -305,23 +324,23 @@ impl Geometry {
 
     /// Gives the nodes over the instances their boxes.
     fn refit_instances(&mut self) {
-        for number in (self.root as usize..self.nodes.len()).rev() {
-            let BvhNode { first, count, .. } = self.nodes[number];
-            let of_instances = |all: Bounds, instance: u32| {
-                let map = affine(self.instances[instance as usize].world_from_object);
-                let corners = self.meshes[self.mesh_of(instance as usize)].bounds.corners();
-                corners.into_iter().map(|corner| map.transform_point3(corner)).fold(all, Bounds::add_point)
-            };
-            self.set_bounds(number, (first..first + count).fold(Bounds::EMPTY, of_instances));
-        }
+        let instances = 0..self.instances.len();
+        self.bounds = instances.clone().map(|instance| self.instance_bounds(instance)).fold(Bounds::EMPTY, Bounds::add);
+        let placed = |instance: usize| self.mesh_and_map(instance);
+        let boxes: Vec<Bounds> = instances.map(placed).map(|(mesh, map)| mesh.placed(map)).collect();
+        let root = self.root as usize;
+        fit(&mut self.nodes[root..], root, |instance| boxes[instance as usize]);
     }
 
-    /// Gives a node its box: that of what it holds, if it is a leaf, otherwise that around both children.
-    fn set_bounds(&mut self, number: usize, of_leaf: Bounds) {
-        let BvhNode { first, count, .. } = self.nodes[number];
-        let child = |child: u32| self.nodes[(first + child) as usize].bounds();
-        let bounds = if count > 0 { of_leaf } else { child(0).add(child(1)) };
-        (self.nodes[number].lo, self.nodes[number].hi) = (bounds.lo.to_array(), bounds.hi.to_array());
+    /// Returns the box around an instance's mesh, placed in the world and boxed there.
+    fn instance_bounds(&self, instance: usize) -> Bounds {
+        let (mesh, map) = self.mesh_and_map(instance);
+        mesh.bounds.placed(map)
+    }
+
+    /// Returns the mesh of an instance, and the map that places it.
+    fn mesh_and_map(&self, instance: usize) -> (&MeshRange, Mat4) {
+        (&self.meshes[self.mesh_of(instance)], affine(self.instances[instance].world_from_object))
     }
 
     /// Returns a copy with `triangles` that differ from the present ones in their materials only.
@@ -418,22 +437,23 @@ impl Geometry {
 
     /// Returns the corners of a triangle, in its mesh's space.
     pub fn corners(&self, primitive: u32) -> [Vec3; 3] {
-        self.triangles[primitive as usize].vertices.map(|index| Vec3::from(self.vertices[index as usize].position))
+        self.corners[primitive as usize].points()
+    }
+
+    /// Returns the corners of a triangle as they are intersected.
+    #[inline(always)]
+    pub(crate) fn corner_lanes(&self, primitive: u32) -> &Corners {
+        &self.corners[primitive as usize]
     }
 
     /// Returns the centre and radius of a sphere around everything.
     pub fn bounding_sphere(&self) -> (Vec3, f32) {
-        let Bounds { lo, hi } = self.nodes[self.root as usize].bounds();
+        let Bounds { lo, hi } = self.bounds;
         let centre = (lo + hi) * 0.5;
         let reach = |points: &mut dyn Iterator<Item = Vec3>| points.map(|p| p.distance(centre)).fold(0.0, f32::max);
         let radius = match self.instances.as_slice() {
             [one] if one.handedness == 0.0 => reach(&mut self.vertices.iter().map(|vertex| vertex.position.into())),
-            _ => {
-                // Of the boxes over the instances.
-                let top = &self.nodes[self.root as usize..];
-                let boxes = top.iter().filter(|node| node.count > 0);
-                reach(&mut boxes.flat_map(|node| node.bounds().corners()))
-            }
+            all => reach(&mut (0..all.len()).flat_map(|instance| self.instance_bounds(instance).corners())),
         };
         (centre, radius)
     }
@@ -532,8 +552,11 @@ mod tests {
         let (centre, radius) = placed.bounding_sphere();
         assert!((centre - Vec3::new(0.5, 0.5, 0.0)).length() < 1e-6 && radius > 4.5 && radius < 4.6);
         placed.set_factors(|_, placement| [placement as f32; 4]);
-        for (instance, map) in placed.instances().iter().zip([shifted(-4.0), Mat4::IDENTITY, shifted(4.0)]) {
-            // Along x, and numbered as they were given.
+        let mut along_x = placed.instances().to_vec();
+        along_x.sort_by(|a, b| a.world_from_object[0][3].total_cmp(&b.world_from_object[0][3]));
+        assert_eq!(along_x.len(), 3);
+        for (instance, map) in along_x.iter().zip([shifted(-4.0), Mat4::IDENTITY, shifted(4.0)]) {
+            // Numbered as they were given.
             assert_eq!(instance.world_from_object, rows(map));
             let given = placements.iter().position(|placement| placement.world_from_object == map).unwrap();
             assert_eq!(instance.factors, [given as f32; 4]);

@@ -70,6 +70,7 @@ pub(crate) struct SpheresAlong {
 impl SpheresAlong {
     /// Returns from where to where along the ray a mesh exists whose leaves are so wide; the whole ray for width 0,
     /// which no volume stands in for. The end lies before the start where the ray passes the sphere.
+    #[inline(always)]
     pub fn mesh(&self, leaf_width: f32) -> [f32; 2] {
         if leaf_width <= 0.0 {
             return [f32::NEG_INFINITY, f32::INFINITY];
