@@ -330,8 +330,8 @@ impl Geometry {
             let children = node.first_child as usize..(node.first_child + node.exponents[3].count_ones()) as usize;
             heights[number] = 1 + heights[children].iter().max().unwrap_or(&0);
         }
-        // Above the meshes, a node's instances wait beside its nodes.
-        let of_instances = tops.iter().map(|top| 2 * heights[*top as usize]).max();
+        // Every node but the last on the way lets a group wait; where an instance is entered, two.
+        let of_instances = tops.iter().map(|top| heights[*top as usize]).max();
         let of_meshes = self.instances().iter().map(|instance| heights[instance.root as usize]).max();
         (of_instances.unwrap_or(0) + of_meshes.unwrap_or(0)).next_multiple_of(16)
     }
