@@ -2,6 +2,7 @@
 
 use crate::shapes::material::{Material, Tint};
 use crate::shapes::noise::Noise;
+use crate::shapes::particles::{ParticleSystem, Trail};
 use crate::shapes::point::{Point, cross, length};
 use crate::shapes::script::{PaintMode, Script, Stroke};
 use crate::shapes::shape::{BlendElement, DensityData, MAX_NESTING, Shape};
@@ -17,6 +18,9 @@ const MAX_MATERIALS: usize = 256;
 
 /// Largest number of values of a scanned volume: 1024 in each direction.
 const MAX_DENSITY_CELLS: u64 = 1 << 30;
+
+/// Largest number of particles of a system.
+const MAX_PARTICLES: u64 = 1 << 20;
 
 /// Range of lengths that must not be 0.
 const LENGTHS_M: [f64; 2] = [MIN_LENGTH_M, MAX_COORDINATE_M];
@@ -158,6 +162,10 @@ fn check_shape(shape: &Shape, nesting: usize) -> Result<(), String> {
         Shape::Fur { on, .. } if !is_ground(on) => {
             return Err(format!("a {} under fur, which grows on a sheet, mesh, sphere or box", on.kind()));
         }
+        Shape::Particles(system) if !is_ground(&system.from) => {
+            let kind = system.from.kind();
+            return Err(format!("particles from a {kind}, which leave a sheet, mesh, sphere or box"));
+        }
         _ => {}
     }
     shape.parts().iter().try_for_each(|part| check_shape(part, nesting + 1))
@@ -206,6 +214,7 @@ fn check_numbers(shape: &Shape) -> Result<(), String> {
             place("move_m", *move_m)
         }
         Shape::Fur { .. } => check_fur(shape),
+        Shape::Particles(system) => check_particles(system),
         Shape::Hypertexture { rim_m, amplitude_m, noise, area_per_m3, .. } => {
             within("rim_m", *rim_m, LENGTHS_M)?;
             within("amplitude_m", *amplitude_m, [0.0, MAX_COORDINATE_M])?;
@@ -254,6 +263,33 @@ fn check_fur(shape: &Shape) -> Result<(), String> {
     seed(*first)
 }
 
+/// Checks the numbers of [`Shape::Particles`].
+fn check_particles(system: &ParticleSystem) -> Result<(), String> {
+    within("particles", system.particles as f64, [1.0, MAX_PARTICLES as f64])?;
+    within("speed_m_per_s", system.speed_m_per_s, LENGTHS_M)?;
+    if let Some(towards) = system.towards {
+        place("towards", towards)?;
+        within("length of `towards`", length(towards), LENGTHS_M)?;
+    }
+    within("spread_deg", system.spread_deg, [0.0, 180.0])?;
+    place("acceleration_m_per_s2", system.acceleration_m_per_s2)?;
+    within("drag_per_s", system.drag_per_s, [0.0, 1e3])?;
+    within("life_s", system.life_s, [1e-6, 1e6])?;
+    within("jitter", system.jitter, [0.0, 1.0])?;
+    within("segments", f64::from(system.segments), [1.0, 64.0])?;
+    match system.trail {
+        Trail::Strand { radii_m } => radii(&radii_m)?,
+        Trail::Blade { widths_m, fold_deg } => {
+            widths_m.iter().try_for_each(|&width| within("widths_m", width, [0.0, MAX_COORDINATE_M]))?;
+            if widths_m.iter().all(|&width| width < MIN_LENGTH_M) {
+                return Err("`widths_m` of 0 alone".into());
+            }
+            within("fold_deg", fold_deg, [0.0, 89.0])?;
+        }
+    }
+    seed(system.seed)
+}
+
 /// Checks how the file of a [`Shape::Density`] is read.
 fn check_density(data: &DensityData, range: &[f64; 2]) -> Result<(), String> {
     if !(range.iter().all(|end| end.is_finite()) && range[0] != range[1]) {
@@ -279,9 +315,9 @@ fn check_element(element: &BlendElement) -> Result<(), String> {
     within("weight_m2", element.weight_m2, [MIN_LENGTH_M * MIN_LENGTH_M, MAX_COORDINATE_M * MAX_COORDINATE_M])
 }
 
-/// Returns whether a shape can be scaled and turned. Fur, whose lengths are its own, and fields cannot.
+/// Returns whether a shape can be scaled and turned. Fur and particles, whose lengths are their own, and fields cannot.
 fn is_placeable(shape: &Shape) -> bool {
-    !matches!(shape, Shape::Fur { .. } | Shape::Hypertexture { .. } | Shape::Density { .. })
+    !matches!(shape, Shape::Fur { .. } | Shape::Particles(_) | Shape::Hypertexture { .. } | Shape::Density { .. })
 }
 
 /// Returns whether fur can grow on a shape, which needs a surface that points can be drawn from.

@@ -79,6 +79,7 @@ mod tests {
     use super::*;
     use crate::shapes::material::{Material, Projection, Tint};
     use crate::shapes::noise::Noise;
+    use crate::shapes::particles::{ParticleSystem, Trail};
     use crate::shapes::script::{PaintMode, Space, Stroke};
     use crate::shapes::shape::{BlendElement, DensityData, NumberType, Shape, UpAxis};
 
@@ -147,6 +148,22 @@ mod tests {
             segments: 5,
             seed: 3,
         };
+        let system = |trail| ParticleSystem {
+            from: place(sheet.clone()),
+            particles: 40,
+            speed_m_per_s: 1.5,
+            towards: Some([0.0, 0.2, 1.0]),
+            spread_deg: 25.0,
+            acceleration_m_per_s2: [0.5, 0.0, -9.0],
+            drag_per_s: 0.3,
+            life_s: 0.25,
+            jitter: 0.1,
+            trail,
+            segments: 6,
+            seed: 9,
+        };
+        let trails = [Trail::Strand { radii_m: [1e-3, 0.0] }, Trail::Blade { widths_m: [4e-3, 1e-3], fold_deg: 35.0 }];
+        let [strands, blades] = trails.map(|trail| Shape::Particles(Box::new(system(trail))));
         let shapes = vec![
             Shape::Union { of: solids.clone() },
             Shape::Intersection { of: vec![Shape::Difference { of: solids.clone() }, cube.clone()] },
@@ -156,6 +173,8 @@ mod tests {
             sheet,
             Shape::Mesh { file: "tree.glb".into(), up: UpAxis::Z },
             fur,
+            strands,
+            blades,
             Shape::Hypertexture { of: sphere.clone().into(), rim_m: 0.1, amplitude_m: 0.05, noise, area_per_m3: 9.0 },
             density(raw),
             density(DensityData::Slices { folder: "slices".into() }),
@@ -271,6 +290,30 @@ mod tests {
                     "kind = \"density\", data = { kind = \"raw\", file = \"a\", cells = [4000000000,4000000000,4000000000], number = \"u8\" }, least_m = [0,0,0], most_m = [1,1,1], range = [0,1], area_per_m3 = 1",
                 ),
                 &["`cells` as [4000000000"],
+            ),
+            (
+                shape(
+                    "kind = \"particles\", from = { kind = \"cone\", ends_m = [[0,0,0],[0,0,1]], radii_m = [1,0] }, particles = 9, speed_m_per_s = 1, life_s = 1, trail = { kind = \"strand\", radii_m = [1,0] }",
+                ),
+                &["particles from a cone", "sheet"],
+            ),
+            (
+                shape(
+                    "kind = \"particles\", from = { kind = \"sphere\", centre_m = [0,0,0], radius_m = 1 }, particles = 9, speed_m_per_s = 1, life_s = 0, trail = { kind = \"blade\", widths_m = [1,0] }",
+                ),
+                &["`life_s` as 0"],
+            ),
+            (
+                shape(
+                    "kind = \"particles\", from = { kind = \"sphere\", centre_m = [0,0,0], radius_m = 1 }, particles = 9, speed_m_per_s = 1, life_s = 1, trail = { kind = \"blade\", widths_m = [0,0] }",
+                ),
+                &["`widths_m` of 0 alone"],
+            ),
+            (
+                shape(
+                    "kind = \"particles\", from = { kind = \"sphere\", centre_m = [0,0,0], radius_m = 1 }, particles = 9, speed_m_per_s = 1, life_s = 1, colour = 3, trail = { kind = \"blade\", widths_m = [1,0] }",
+                ),
+                &["unknown field `colour`"],
             ),
             (nested(MAX_DEPTH_REFUSED), &["shapes more than 16 deep"]),
             (nested(60), &[]),

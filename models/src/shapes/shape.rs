@@ -1,4 +1,4 @@
-//! Shapes that can be drawn: solids, surfaces, fields and fur.
+//! Shapes that can be drawn: solids, surfaces, fields, fur and particles.
 //!
 //! | kind | is | keys |
 //! |---|---|---|
@@ -13,6 +13,7 @@
 //! | `sheet` | surface of two faces | `rows_m`: rows of as many points each, or of one; quads and triangles between them |
 //! | `mesh` | surface | `file` (.glb, .gltf, .obj), `up` |
 //! | `fur` | surface of strands | `on` a surface or solid; see [`Shape::Fur`] |
+//! | `particles` | surface of paths | `from` a surface or solid; see [`ParticleSystem`] |
 //! | `hypertexture` | field | a solid with a soft rim that noise moves [Perlin & Hoffert 1989] |
 //! | `density` | field | a scanned volume |
 
@@ -21,6 +22,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::shapes::noise::Noise;
+use crate::shapes::particles::ParticleSystem;
 use crate::shapes::point::Point;
 
 /// Largest depth of shapes within shapes.
@@ -153,6 +155,8 @@ pub enum Shape {
         #[serde(default = "first_seed")]
         seed: u64,
     },
+    /// Paths of particles that leave a surface [Reeves & Blau 1985].
+    Particles(Box<ParticleSystem>),
     /// A solid with a soft rim. The density is `1/2 - (d + amplitude_m noise) / rim_m`, clamped to 0 and 1, where d is
     /// the signed distance, negative inside.
     Hypertexture {
@@ -283,6 +287,7 @@ impl Shape {
             Shape::Sheet { .. } => "sheet",
             Shape::Mesh { .. } => "mesh",
             Shape::Fur { .. } => "fur",
+            Shape::Particles(_) => "particles",
             Shape::Hypertexture { .. } => "hypertexture",
             Shape::Density { .. } => "density",
         }
@@ -310,6 +315,7 @@ impl Shape {
             Shape::Union { of } | Shape::Intersection { of } | Shape::Difference { of } => of,
             Shape::Placed { of, .. } | Shape::Hypertexture { of, .. } => std::slice::from_ref(of),
             Shape::Fur { on, .. } => std::slice::from_ref(on),
+            Shape::Particles(system) => std::slice::from_ref(&system.from),
             _ => &[],
         }
     }

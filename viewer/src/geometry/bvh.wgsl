@@ -89,7 +89,8 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
             continue;
         }
         while primitives.y != 0u {
-            let bit = firstLeadingBit(primitives.y);
+            // In the order of their numbers, so that of two that are met at once all tracers keep the same.
+            let bit = firstTrailingBit(primitives.y);
             primitives.y &= ~(1u << bit);
             let hit = bvh_intersect(ray.origin, shear, primitives.x + bit, which == HIT_FRONT);
             if hit.primitive != NO_HIT && hit.t < reach && hit.t >= from_t {

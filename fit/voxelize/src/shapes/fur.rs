@@ -9,6 +9,7 @@ use std::f64::consts::TAU;
 use super::brush::Brush;
 use super::canvas::Canvas;
 use super::frustum::Frustum;
+use super::ground::{Sites, area_m2};
 
 /// Cylinders of a fur at most.
 pub const MAX_CYLINDERS: u64 = 1 << 20;
@@ -82,24 +83,8 @@ impl Fur {
     /// Paints strands that grow on triangles: the same number on equal areas, anywhere in them.
     pub fn paint(&self, ground: &[[DVec3; 3]], canvas: &mut Canvas, brush: &Brush) {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.seed);
-        let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
-        let whole: f64 = ground.iter().map(area).sum();
-        let strands = self.strands(whole);
-        let mut sites = ground.iter();
-        let (mut triangle, mut end) = (None, 0.0);
-        for strand in 0..strands {
-            let at = whole * (strand as f64 + random.gen_range(0.0..1.0)) / strands as f64;
-            while at >= end {
-                let Some(next) = sites.next() else { break };
-                end += area(next);
-                triangle = Some(next);
-            }
-            let Some([a, b, c]) = triangle else { return };
-            let [u, v]: [f64; 2] = [0, 1].map(|_| random.gen_range(0.0..1.0));
-            // Folded from the parallelogram into the triangle.
-            let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] };
-            let root = a + (b - a) * u + (c - a) * v;
-            let normal = (b - a).cross(c - a).normalize_or_zero();
+        let mut sites = Sites::new(ground, self.strands(area_m2(ground)));
+        while let Some((root, normal)) = sites.draw(&mut random) {
             self.strand(root, normal, &mut random).iter().for_each(|piece| piece.paint(canvas, brush));
         }
     }

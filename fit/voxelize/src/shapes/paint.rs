@@ -11,7 +11,9 @@ use super::descent::{coverage, polygonise};
 use super::field::{Field, Hypertexture, Scan, paint_field};
 use super::frustum::Frustum;
 use super::fur::{Fur, MAX_CYLINDERS};
+use super::ground::area_m2;
 use super::noise::NoiseField;
+use super::particles::{self, MAX_PIECES, paint_particles};
 use super::solid::{Placement, Solid};
 use super::surface::{box_triangles, mesh_facets, sheet_facets, sphere_triangles};
 use super::tint::TintMap;
@@ -54,7 +56,7 @@ pub fn colours_of(script: &Path, materials: &[Material]) -> Result<Vec<Microflak
 /// Paints a script on a canvas of `resolution` voxels along its longest side. The same script gives the same bits.
 ///
 /// # Errors
-/// For files that the script names and that cannot be used, and for more strands of fur than is sensible.
+/// For files that the script names and that cannot be used, and for more strands of fur or paths of particles than is sensible.
 pub fn paint(script: &Script, resolution: u32, paints: &Paints) -> Result<Canvas, VoxelizeError> {
     let brush = |(material, colour): (&Material, &MicroflakeColour)| {
         let tint = material.tint.as_ref().map(|tint| TintMap::new(tint, &script.space, paints.script));
@@ -167,8 +169,7 @@ fn draw(
         Shape::Fur { on, .. } => {
             let ground: Vec<[DVec3; 3]> = ground(on, place, paints)?;
             let Some(fur) = Fur::of(shape) else { return Ok(()) };
-            let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (b - a).cross(c - a).length();
-            let cylinders = fur.cylinders(fur.strands(ground.iter().map(area).sum()));
+            let cylinders = fur.cylinders(fur.strands(area_m2(&ground)));
             if cylinders > MAX_CYLINDERS {
                 let fault = format!("has fur of {cylinders} cylinders, and {MAX_CYLINDERS} are allowed");
                 return Err(unusable(paints.script, fault, "lower its strands_per_m2 or segments"));
@@ -176,6 +177,17 @@ fn draw(
             held(canvas, hull(ground.iter().flatten().copied()))?;
             held(canvas, [DVec3::ZERO, DVec3::splat(fur.reach_m())])?;
             fur.paint(&ground, canvas, brush);
+        }
+        Shape::Particles(system) => {
+            let ground: Vec<[DVec3; 3]> = ground(&system.from, place, paints)?;
+            let pieces = particles::pieces(system);
+            if pieces > MAX_PIECES {
+                let fault = format!("has particles whose paths have {pieces} pieces, and {MAX_PIECES} are allowed");
+                return Err(unusable(paints.script, fault, "lower their number or segments"));
+            }
+            held(canvas, hull(ground.iter().flatten().copied()))?;
+            held(canvas, [DVec3::ZERO, DVec3::splat(particles::reach_m(system))])?;
+            paint_particles(system, &ground, canvas, brush);
         }
         Shape::Hypertexture { of, rim_m, amplitude_m, noise, area_per_m3 } => {
             let Some(solid) = Solid::of(of) else { return Ok(()) };
@@ -231,7 +243,7 @@ fn facets(shape: &Shape, place: &Placement, paints: &Paints) -> Result<Vec<(Face
     Ok(facets)
 }
 
-/// Returns the triangles that fur grows on.
+/// Returns the triangles that fur grows on and particles leave.
 fn ground(on: &Shape, place: &Placement, paints: &Paints) -> Result<Vec<[DVec3; 3]>, VoxelizeError> {
     let placed = |triangles: Vec<[DVec3; 3]>| {
         triangles.into_iter().map(|triangle| triangle.map(|corner| place.apply(corner))).collect()

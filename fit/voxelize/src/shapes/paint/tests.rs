@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use btf_models::shapes::{DensityData, Noise, NumberType, Space, Tint};
+use btf_models::shapes::{DensityData, Noise, NumberType, ParticleSystem, Space, Tint, Trail};
 
 use super::*;
 
@@ -202,6 +202,71 @@ fn fur_has_so_many_strands_of_their_area_on_equal_ground() {
     let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
     let message = paint(&dense, 16, &paints).unwrap_err().to_string();
     assert!(message.contains("a.shapes.toml has fur of 16000000 cylinders") && message.contains("lower"), "{message}");
+}
+
+#[test]
+fn particles_have_paths_of_their_length_and_width() {
+    let system = |particles: u64, trail: Trail| ParticleSystem {
+        from: Shape::Sheet {
+            rows_m: vec![vec![[0.4, 0.3, -0.4], [0.6, 0.3, -0.4]], vec![[0.4, 0.5, -0.4], [0.6, 0.5, -0.4]]],
+        },
+        particles,
+        speed_m_per_s: 3.0,
+        towards: None,
+        spread_deg: 0.0,
+        acceleration_m_per_s2: [0.0, 0.0, -9.81],
+        drag_per_s: 0.0,
+        life_s: 0.3,
+        jitter: 0.0,
+        trail,
+        segments: 24,
+        seed: 3,
+    };
+    let particles = |system: ParticleSystem| Shape::Particles(Box::new(system));
+    // Up, and no longer than to the top of the way.
+    let height = 3.0 * 0.3 - 0.5 * 9.81 * 0.09;
+    let strands = system(50, Trail::Strand { radii_m: [0.002; 2] });
+    let canvas = one(particles(strands.clone()), 32);
+    near(canvas.area_m2(), CLOSED * 50.0 * 2.0 * PI * 0.002 * height, 1e-3);
+    let highest = canvas.voxels.keys().map(|cell| cell[2]).max().unwrap();
+    assert_eq!(highest, ((0.1 + height) * 32.0) as u32);
+    // A blade's V, narrowing to nothing.
+    let blade = |fold_deg| system(50, Trail::Blade { widths_m: [0.01, 0.0], fold_deg });
+    let folded = one(particles(blade(40.0)), 32);
+    let mean_width = |widths: &dyn Fn(f64) -> f64| -> f64 {
+        // Over the way, of which equal times have less and less.
+        let at = |t: f64| 3.0 * t - 0.5 * 9.81 * t * t;
+        (0..2400).map(|i| f64::from(i) / 2400.0).map(|s| widths(s) * (at(0.3 * (s + 1.0 / 2400.0)) - at(0.3 * s))).sum()
+    };
+    near(folded.area_m2(), 50.0 * mean_width(&|s| 0.01 * (1.0 - s)), 2e-3);
+    let projected = |canvas: &Canvas, axis: usize| f64::from(total(canvas).projected[axis] / total(canvas).area);
+    // Upright, so from above there is only what the V's narrowing rises.
+    assert!(projected(&folded, 2) < 0.03, "{}", projected(&folded, 2));
+    // Thrown aside it is an arc: higher than where it ends, and in the plane of its throw.
+    let mut arc = system(1, Trail::Strand { radii_m: [0.002; 2] });
+    (arc.from, arc.towards, arc.life_s) =
+        (Shape::Sphere { centre_m: [0.2, 0.4, -0.4], radius_m: 1e-4 }, Some([1.0, 0.0, 2.0]), 0.5);
+    let canvas = one(particles(arc.clone()), 64);
+    let cells: Vec<[u32; 3]> = canvas.voxels.keys().copied().collect();
+    let top = cells.iter().max_by_key(|cell| cell[2]).unwrap();
+    let last = cells.iter().max_by_key(|cell| cell[0]).unwrap();
+    let apex = 2.0 / 5f64.sqrt() * 3.0;
+    near(f64::from(top[2]) + 0.5, (0.1 + apex * apex / (2.0 * 9.81)) * 64.0, 0.02);
+    near(f64::from(last[0]) + 0.5, (0.2 + 3.0 / 5f64.sqrt() * 0.5) * 64.0, 0.02);
+    assert!(last[2] < top[2] && cells.iter().all(|cell| cell[1].abs_diff(25) < 2));
+    // Spread evenly over a half sphere: half of them leave within 60 degrees of its axis.
+    let mut burst = system(20_000, Trail::Strand { radii_m: [0.001; 2] });
+    (burst.from, burst.towards) = (Shape::Sphere { centre_m: [0.5, 0.4, 0.0], radius_m: 1e-4 }, Some([0.0, 0.0, 1.0]));
+    (burst.spread_deg, burst.acceleration_m_per_s2, burst.life_s, burst.segments) = (90.0, [0.0; 3], 0.1, 1);
+    let sum = total(&one(particles(burst), 16));
+    // The mean square of the cosines of directions over a half sphere is a third, so that across them the moments are equal.
+    near(f64::from(sum.moment[2] / sum.area), 1.0 / 3.0, 0.01);
+    assert_eq!(one(particles(arc.clone()), 16).voxels, one(particles(arc), 16).voxels);
+    let many = script(false, vec![(PaintMode::Add, particles(ParticleSystem { particles: 1 << 20, ..strands }))]);
+    let colours: Vec<MicroflakeColour> = many.materials.iter().map(colour_of).collect();
+    let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
+    let message = paint(&many, 16, &paints).unwrap_err().to_string();
+    assert!(message.contains("a.shapes.toml has particles whose paths have 25165824 pieces"), "{message}");
 }
 
 #[test]
