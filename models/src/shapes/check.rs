@@ -2,10 +2,9 @@
 
 use crate::shapes::material::{Material, Tint};
 use crate::shapes::noise::Noise;
-use crate::shapes::particles::{ParticleSystem, Trail};
 use crate::shapes::point::{Point, cross, length};
 use crate::shapes::script::{PaintMode, Script, Stroke};
-use crate::shapes::shape::{BlendElement, DensityData, MAX_NESTING, Shape};
+use crate::shapes::shape::{BlendElement, DensityData, MAX_NESTING, ParticleSystem, Shape, Trail};
 
 /// Largest coordinate in metres: a thousand kilometres.
 const MAX_COORDINATE_M: f64 = 1e6;

@@ -38,7 +38,6 @@
 mod check;
 mod material;
 mod noise;
-mod particles;
 mod point;
 mod script;
 mod script_file;
@@ -46,8 +45,7 @@ mod shape;
 
 pub use material::{Material, Projection, Tint};
 pub use noise::Noise;
-pub use particles::{ParticleSystem, Trail};
 pub use point::Point;
 pub use script::{PaintMode, Script, Space, Stroke};
 pub use script_file::{MAX_SCRIPT_BYTES, SCRIPT_ENDING};
-pub use shape::{BlendElement, DensityData, MAX_NESTING, NumberType, Shape, UpAxis};
+pub use shape::{BlendElement, DensityData, MAX_NESTING, NumberType, ParticleSystem, Shape, Trail, UpAxis};

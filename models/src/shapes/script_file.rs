@@ -79,9 +79,8 @@ mod tests {
     use super::*;
     use crate::shapes::material::{Material, Projection, Tint};
     use crate::shapes::noise::Noise;
-    use crate::shapes::particles::{ParticleSystem, Trail};
     use crate::shapes::script::{PaintMode, Space, Stroke};
-    use crate::shapes::shape::{BlendElement, DensityData, NumberType, Shape, UpAxis};
+    use crate::shapes::shape::{BlendElement, DensityData, NumberType, ParticleSystem, Shape, Trail, UpAxis};
 
     fn space() -> Space {
         Space { least_m: [-1.0; 3], most_m: [1.0, 2.0, 1.5], cyclic: [true, false] }
