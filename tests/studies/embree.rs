@@ -62,6 +62,13 @@ impl RayHit {
     }
 }
 
+/// Returns the vertices that a mesh's triangles use, and the number of the first.
+pub(crate) fn own_vertices<'a>(vertices: &'a [Vertex], triangles: &[Triangle]) -> (u32, &'a [Vertex]) {
+    let used = || triangles.iter().flat_map(|triangle| triangle.vertices);
+    let first = used().min().unwrap_or(0);
+    (first, &vertices[first as usize..=used().max().unwrap_or(0) as usize])
+}
+
 type Handle = *mut c_void;
 
 /// Names the functions of the library that are used, with their types.
@@ -145,9 +152,7 @@ impl Embree {
     #[allow(unsafe_code, reason = "Embree is a C library")]
     unsafe fn mesh(&self, vertices: &[Vertex], triangles: &[Triangle]) -> Handle {
         let f = &self.functions;
-        let used = || triangles.iter().flat_map(|triangle| triangle.vertices);
-        let first = used().min().unwrap_or(0);
-        let vertices = &vertices[first as usize..=used().max().unwrap_or(0) as usize];
+        let (first, vertices) = own_vertices(vertices, triangles);
         // SAFETY: both buffers are as long as was asked for, and Embree asks for 12 bytes an element.
         unsafe {
             let scene = (f.rtcNewScene)(self.device);

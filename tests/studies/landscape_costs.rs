@@ -35,7 +35,7 @@ const BACKENDS: [(&str, BackendChoice); 3] = [
 ];
 
 /// Writes the models of a landscape's plants into a folder, as `cargo xtask volumes` grows them for its volumes.
-pub(crate) fn models(landscape: Landscape, folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
+fn models(landscape: Landscape, folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
     let grass = PlantsParams { flowers: 0.0, ..PlantsParams::of(Species::Grass) };
     let tree = PlantsParams { branches: 2154, leaves: 6336, ..PlantsParams::of(Species::Tree) };
     let grown = match landscape {
@@ -52,6 +52,16 @@ pub(crate) fn models(landscape: Landscape, folder: &Path) -> Result<Vec<PathBuf>
         files.push(file);
     }
     Ok(files)
+}
+
+/// A landscape whose plants are triangles alone. Writes their models into a folder.
+pub(crate) fn as_triangles(landscape: Landscape, folder: &Path) -> Result<Scene, Box<dyn Error>> {
+    let params = LandscapeParams { meshes: models(landscape, folder)?, ..LandscapeParams::default() };
+    let (mut scene, _) = landscape.scene(&params)?;
+    // No volume stands in for the models any more.
+    scene.volumes = None;
+    Arc::make_mut(&mut scene.geometry).set_leaf_widths(|_, _| 0.0);
+    Ok(scene)
 }
 
 /// Least mean time of a frame, seconds.
@@ -90,10 +100,7 @@ struct Both {
 fn both(landscape: Landscape, view: View, folder: &Path) -> Result<Both, Box<dyn Error>> {
     let of_volumes = LandscapeParams::default();
     let (mut volumes, counts) = landscape.scene(&of_volumes)?;
-    let (mut triangles, _) = landscape.scene(&LandscapeParams { meshes: models(landscape, folder)?, ..of_volumes })?;
-    // No volume stands in for the models any more.
-    triangles.volumes = None;
-    Arc::make_mut(&mut triangles.geometry).set_leaf_widths(|_, _| 0.0);
+    let mut triangles = as_triangles(landscape, folder)?;
     for scene in [&mut volumes, &mut triangles] {
         let mut cameras = [scene.camera].into_iter().chain(scene.more_cameras.clone());
         scene.camera = cameras.nth(view.camera.wrapping_sub(1)).ok_or("CAMERA is 1 to 3")?;

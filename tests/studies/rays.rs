@@ -7,10 +7,10 @@
 //! often as makes so many triangles, or written out as one mesh; the forest is that of `btf-view scene forest` as triangles.
 //! Both tracers take turns, and the least of their times counts. Rows also tell how many rays meet something else.
 
-use crate::embree::Embree;
-use crate::landscape_costs::models;
+use crate::embree::{Embree, own_vertices};
+use crate::landscape_costs::as_triangles;
 use btf_viewer::testing::instanced_scene;
-use btf_viewer::{AnyHit, Geometry, Landscape, LandscapeParams, Mesh, NO_HIT, Scene, Triangle, Vertex};
+use btf_viewer::{AnyHit, Geometry, Instance, Landscape, Mesh, NO_HIT, Scene, Triangle, Vertex};
 use glam::{Mat4, Vec3, Vec4};
 use rand::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -97,10 +97,16 @@ fn sorted(rays: &[[Vec3; 2]]) -> Vec<[Vec3; 2]> {
     rays
 }
 
+/// Returns the map that places an instance in the world.
+fn map_of(instance: &Instance) -> Mat4 {
+    let [x, y, z] = instance.world_from_object.map(Vec4::from);
+    Mat4::from_cols(x, y, z, Vec4::W).transpose()
+}
+
 /// Returns the unit normal of a triangle in the world.
 fn normal(geometry: &Geometry, instance: u32, primitive: u32) -> Vec3 {
-    let rows = geometry.instances()[instance as usize].world_from_object.map(Vec4::from);
-    let [a, b, c] = geometry.corners(primitive).map(|corner| Vec3::from(rows.map(|row| row.dot(corner.extend(1.0)))));
+    let map = map_of(&geometry.instances()[instance as usize]);
+    let [a, b, c] = geometry.corners(primitive).map(|corner| map.transform_point3(corner));
     (b - a).cross(c - a).normalize_or(Vec3::Y)
 }
 
@@ -134,6 +140,11 @@ fn by_embree(embree: &Embree, rays: &RaySet) -> (Vec<f32>, f64) {
     })
 }
 
+/// Tells whether two distances, negative without a hit, are of different hits.
+fn is_other_hit(a: f32, b: f32) -> bool {
+    (a - b).abs() > SAME_DISTANCE * a.abs().max(b.abs())
+}
+
 /// Prints the rows of a scene.
 fn measure(name: &str, scene: &Scene, embree: Option<&Path>) -> Result<(), Box<dyn Error>> {
     let geometry = &*scene.geometry;
@@ -148,8 +159,7 @@ fn measure(name: &str, scene: &Scene, embree: Option<&Path>) -> Result<(), Box<d
             if let Some(embree) = &embree {
                 let (their_hits, seconds) = by_embree(embree, &rays);
                 theirs = theirs.min(seconds);
-                let differs = |(a, b): &(&f32, &f32)| (*a - *b).abs() > SAME_DISTANCE * b.abs().min(1e20);
-                differing = hits.iter().zip(&their_hits).filter(differs).count();
+                differing = hits.iter().zip(&their_hits).filter(|(a, b)| is_other_hit(**a, **b)).count();
             }
         }
         let m_rays = |seconds: f64| 1e-6 * count / seconds;
@@ -167,15 +177,13 @@ fn flattened(geometry: &Geometry) -> Result<Geometry, String> {
     let meshes: Vec<&[Triangle]> = geometry.mesh_triangles().collect();
     let mut mesh = Mesh::default();
     for (number, instance) in geometry.instances().iter().enumerate() {
-        let rows = instance.world_from_object.map(Vec4::from);
-        let map = Mat4::from_cols(rows[0], rows[1], rows[2], Vec4::W).transpose();
+        let map = map_of(instance);
         let triangles = meshes[geometry.mesh_of(number)];
-        let used = || triangles.iter().flat_map(|triangle| triangle.vertices);
-        let (first, last) = (used().min().unwrap_or(0), used().max().unwrap_or(0));
+        let (first, own) = own_vertices(geometry.vertices(), triangles);
         let before = mesh.vertices.len() as u32;
         let placed =
             |vertex: &Vertex| Vertex { position: map.transform_point3(vertex.position.into()).to_array(), ..*vertex };
-        mesh.vertices.extend(geometry.vertices()[first as usize..=last as usize].iter().map(placed));
+        mesh.vertices.extend(own.iter().map(placed));
         mesh.triangles.extend(triangles.iter().map(|triangle| Triangle {
             vertices: triangle.vertices.map(|vertex| vertex - first + before),
             ..*triangle
@@ -200,8 +208,20 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     *std::sync::Arc::make_mut(&mut scene.geometry) = flattened(&scene.geometry)?;
     measure("canopy as one mesh", &scene, embree)?;
     let folder = tempfile::tempdir()?;
-    let params = LandscapeParams { meshes: models(Landscape::Forest, folder.path())?, ..LandscapeParams::default() };
-    let (mut forest, _) = Landscape::Forest.scene(&params)?;
-    std::sync::Arc::make_mut(&mut forest.geometry).set_leaf_widths(|_, _| 0.0);
-    measure("forest", &forest, embree)
+    measure("forest", &as_triangles(Landscape::Forest, folder.path())?, embree)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_hits_are_told_from_the_same() {
+        for (a, b) in [(5.0, 5.004), (-1.0, -1.0), (0.0, -0.0), (1e9, 1.0005e9)] {
+            assert!(!is_other_hit(a, b) && !is_other_hit(b, a), "{a} {b}");
+        }
+        for (a, b) in [(5.0, 5.1), (5.0, -1.0), (0.0, -1.0), (1e-6, -1.0), (1e20, -1.0), (1e9, 1.01e9)] {
+            assert!(is_other_hit(a, b) && is_other_hit(b, a), "{a} {b}");
+        }
+    }
 }

@@ -206,7 +206,7 @@ pub struct ParticleSystem {
     /// Acceleration, metres a second squared; without it the earth's.
     #[serde(default = "gravity")]
     pub acceleration_m_per_s2: Point,
-    /// Share of its speed that a particle loses in a second to the air, which is at rest.
+    /// Drag of the air, which is at rest: a particle's deceleration over its speed, 1/s.
     #[serde(default)]
     pub drag_per_s: f64,
     /// Time for which a particle lives, seconds.

@@ -10,17 +10,9 @@ use crate::geometry::lod_transition::{LodTransition, SpheresAlong};
 use glam::Vec3;
 use std::cell::Cell;
 
-/// Entries of the traversal's stack in `bvh.wgsl`; more than the deepest two hierarchies need. A module has what its scene needs
-/// ([`Geometry::stack_entries`]).
+/// Entries of the traversal's stack in `bvh.wgsl` as it stands. The module of a scene has as many as that needs, which no number
+/// bounds ([`Geometry::stack_entries`]).
 pub(crate) const STACK: usize = 64;
-/// The constants that the shader has too, by name.
-#[cfg(test)]
-pub(crate) const CONSTANTS: &[(&str, f32)] = &[
-    ("BOX_SLACK", crate::geometry::lanes::BOX_SLACK),
-    ("MIN_DIRECTION", crate::geometry::lanes::MIN_DIRECTION),
-    ("MIN_DETERMINANT", crate::geometry::lanes::MIN_DETERMINANT),
-    ("EDGE_SLACK", crate::geometry::lanes::EDGE_SLACK),
-];
 /// Primitive number of a ray that hits nothing. Twin: `NO_HIT` in `surface.wgsl`.
 pub const NO_HIT: u32 = u32::MAX;
 /// Instance number of a ray that is in none.

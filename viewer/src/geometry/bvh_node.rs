@@ -4,7 +4,7 @@ use glam::{Mat4, Vec3};
 
 /// Children of a node.
 pub(crate) const CHILDREN: usize = 8;
-/// Widest part of a node's side by which the boxes of its children are too large: what distances to planes within the node are
+/// Share of a node's side by which the boxes of its children are too large: more than what distances to planes within the node are
 /// rounded by [Ize 2013].
 const PADDING: f64 = 1.0 / (1 << 20) as f64;
 /// Largest number that a plane has within its node.

@@ -178,18 +178,14 @@ impl Geometry {
             let [a, b, c] = corners(triangle);
             (b - a).cross(c - a).length_squared() > 0.0
         });
-        let bounds_of = |triangle: &Triangle| corners(triangle).into_iter().fold(Bounds::EMPTY, Bounds::add_point);
-        let boxes: Vec<Bounds> = triangles.iter().map(bounds_of).collect();
+        let corners: Vec<Corners> = triangles.iter().map(|triangle| Corners::new(corners(triangle))).collect();
+        let boxes: Vec<Bounds> = corners.iter().map(Corners::bounds).collect();
         let (first_vertex, first_triangle) = (self.vertices.len() as u32, self.triangles.len());
         let root = self.nodes.len();
-        let (mut bounds, mut parts) = (Bounds::EMPTY, [Bounds::EMPTY; CHILDREN]);
         if !boxes.is_empty() {
-            let (mut nodes, order) = build(&boxes, TRIANGLES, root, first_triangle);
-            let of_triangle = |number: u32| boxes[order[number as usize - first_triangle] as usize];
-            bounds = fit(&mut nodes, root, of_triangle)[0];
-            parts = nodes[0].boxes();
+            let (nodes, order) = build(&boxes, TRIANGLES, root, first_triangle);
             self.nodes.extend(nodes);
-            self.corners.extend(order.iter().map(|number| Corners::new(corners(&triangles[*number as usize]))));
+            self.corners.extend(order.iter().map(|number| corners[*number as usize]));
             self.triangles.extend(order.iter().map(|number| {
                 let triangle = triangles[*number as usize];
                 Triangle { vertices: triangle.vertices.map(|index| index + first_vertex), ..triangle }
@@ -200,10 +196,22 @@ impl Geometry {
             first_triangle: first_triangle as u32,
             triangles: boxes.len() as u32,
             root: root as u32,
-            bounds,
-            parts,
+            bounds: Bounds::EMPTY,
+            parts: [Bounds::EMPTY; CHILDREN],
         });
+        self.fit_meshes(self.meshes.len() - 1, self.nodes.len());
         Ok(())
+    }
+
+    /// Gives the nodes over the triangles of the meshes from number `first` on, which end before `end`, their boxes, and the
+    /// meshes theirs.
+    fn fit_meshes(&mut self, first: usize, end: usize) {
+        let (root, corners) = (self.meshes[first].root as usize, &self.corners);
+        let all = fit(&mut self.nodes[root..end], root, |number| corners[number as usize].bounds());
+        for mesh in self.meshes[first..].iter_mut().filter(|mesh| mesh.triangles > 0) {
+            let own = mesh.root as usize;
+            (mesh.bounds, mesh.parts) = (all[own - root], self.nodes[own].boxes());
+        }
     }
 
     fn place(&mut self, placements: &[Placement]) -> Result<(), String> {
@@ -299,11 +307,7 @@ impl Geometry {
         for (corners, triangle) in self.corners.iter_mut().zip(&self.triangles) {
             *corners = Corners::new(triangle.vertices.map(|index| self.vertices[index as usize].position.into()));
         }
-        let corners = &self.corners;
-        let all = fit(&mut self.nodes[..self.root as usize], 0, |number| corners[number as usize].bounds());
-        for mesh in self.meshes.iter_mut().filter(|mesh| mesh.triangles > 0) {
-            (mesh.bounds, mesh.parts) = (all[mesh.root as usize], self.nodes[mesh.root as usize].boxes());
-        }
+        self.fit_meshes(0, self.root as usize);
         self.refit_instances();
     }
 

@@ -8,14 +8,22 @@ use glam::Vec3;
 use std::arch::x86_64::{__m128, __m256};
 
 /// Shares of t by which a box is entered too late because of rounding [Ize 2013].
-pub(crate) const BOX_SLACK: f32 = 1.000_001;
+const BOX_SLACK: f32 = 1.000_001;
 /// Smallest direction component that a slab test divides by.
-pub(crate) const MIN_DIRECTION: f32 = 1e-15;
+const MIN_DIRECTION: f32 = 1e-15;
 /// Smallest determinant of a triangle that is hit; below, the ray lies in its plane.
-pub(crate) const MIN_DETERMINANT: f32 = 1e-30;
+const MIN_DETERMINANT: f32 = 1e-30;
 /// Share of an edge function's terms that is rounding: two ulp, because some GPUs fuse one of its products into the sum
 /// and not the other, and a ray on an edge could then miss the triangles on both sides.
-pub(crate) const EDGE_SLACK: f32 = 2.4e-7;
+const EDGE_SLACK: f32 = 2.4e-7;
+/// The constants that the shader has too, by name.
+#[cfg(test)]
+pub(crate) const CONSTANTS: &[(&str, f32)] = &[
+    ("BOX_SLACK", BOX_SLACK),
+    ("MIN_DIRECTION", MIN_DIRECTION),
+    ("MIN_DETERMINANT", MIN_DETERMINANT),
+    ("EDGE_SLACK", EDGE_SLACK),
+];
 
 /// A ray made ready for boxes.
 #[derive(Clone, Copy)]
@@ -93,7 +101,8 @@ impl Corners {
     }
 }
 
-/// Arithmetic on several numbers at once, with the same results whatever the registers.
+/// Arithmetic on several numbers at once. Triangles are met in the same bits whatever the registers; distances to boxes, which only
+/// say where to look, may differ in their last ones.
 pub(crate) trait Lanes: Copy {
     /// Returns which boxes of a node a ray enters before `reach`, a bit for each slot, and at which distance. Twin: `bvh_enter`.
     fn enter(self, node: &BvhNode, ray: &BoxRay, reach: f32) -> (u32, [f32; CHILDREN]);

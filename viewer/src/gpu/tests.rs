@@ -309,7 +309,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
     let shell = SHELL_CONSTANTS.iter().map(|(name, value)| (*name, *value as u32));
     let words = words.into_iter().chain(shell).chain(PATTERN_CONSTANTS.iter().copied());
     let tables = [
-        crate::geometry::bvh::CONSTANTS,
+        crate::geometry::lanes::CONSTANTS,
         crate::geometry::surface::CONSTANTS,
         crate::shading::relief::CONSTANTS,
         crate::volume::light::CONSTANTS,
