@@ -5,8 +5,9 @@ use crate::geometry::bvh_node::{Bounds, BvhNode, CHILDREN, Child};
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::cwbvh::builder::build_cwbvh;
-use std::time::Duration;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::ploc::PlocBuilder;
 
 /// Largest share of a box's side by which it is moved while the hierarchy is built.
 const UNEVENNESS: f32 = 1e-3;
@@ -30,13 +31,17 @@ pub(crate) fn build(
     // there are boxes. So that no two distances are equal, boxes are a little off while it is built.
     let uneven: Vec<Aabb> = boxes.iter().enumerate().map(|(number, own)| moved(own, number as u32)).collect();
     let [least, most] = MOVED_SHARE;
-    let params = BvhBuildParams {
-        max_prims_per_leaf: per_leaf,
-        reinsertion_batch_ratio: (MOVED / boxes.len() as f32).clamp(least, most),
-        ..BvhBuildParams::medium_build()
-    };
-    let mut time = Duration::ZERO;
-    let built = build_cwbvh(&uneven, params, &mut time);
+    let params = BvhBuildParams::medium_build();
+    // Step by step, as obvhs has one function for it that asks the time, which a browser has no clock for.
+    let mut pairs = PlocBuilder::with_capacity(uneven.len()).build(
+        params.ploc_search_distance,
+        &uneven,
+        (0..uneven.len() as u32).collect(),
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    ReinsertionOptimizer::default().run(&mut pairs, (MOVED / boxes.len() as f32).clamp(least, most), None);
+    let built = bvh2_to_cwbvh(&pairs, per_leaf, true, false);
     let node = |node: &obvhs::cwbvh::node::CwBvhNode| BvhNode {
         lo: [0.0; 3],
         exponents: [0, 0, 0, node.imask],

@@ -85,6 +85,10 @@ export async function open(browser, url, options = {}) {
   page.errors = [];
   page.on('pageerror', (error) => page.errors.push(String(error)));
   page.on('console', (message) => message.type() === 'error' && page.errors.push(message.text()));
+  page.panic = new Promise((_, reject) => {
+    page.on('console', (message) => message.text().startsWith('panicked') && reject(new Error(message.text())));
+  });
+  page.panic.catch(() => {});
   if (options.init) {
     await page.addInitScript(options.init);
   }
@@ -99,9 +103,11 @@ export async function open(browser, url, options = {}) {
   return page;
 }
 
-/** Waits until the picture has so many samples a pixel. */
+/** Waits until the picture has so many samples a pixel; not any longer where the viewer panicked. */
 export function drawn(page, samples = 1) {
-  return page.waitForFunction((least) => window.told.samples >= least, samples, { timeout: 240_000 });
+  const picture = page.waitForFunction((least) => window.told.samples >= least, samples, { timeout: 240_000 });
+  picture.catch(() => {});
+  return Promise.race([picture, page.panic]);
 }
 
 /** The line below the picture. */
