@@ -110,9 +110,9 @@ pub use scene::scene::{
 };
 pub use scene::volume::{load_volume, standing};
 pub use volume::skin::{
-    CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MAX_MERGED, Merged, NO_LINK, NO_VOLUME,
-    Noise, Pattern, Shell, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet, TextureMap, TextureRay, Variant,
-    Walk, Wind,
+    CellMap, CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MAX_MERGED, Merged, NO_LINK,
+    NO_VOLUME, Noise, Pattern, Shell, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet, TextureMap,
+    TextureRay, Variant, Walk, Wind,
 };
 pub use volume::volumes::{SceneSkin, VolumePlace, Volumes};
 #[cfg(feature = "window")]

@@ -70,6 +70,11 @@ impl Shader<'_> {
                 break;
             }
             path.travelled += hit.t;
+            let passed = self.air_passed(&path, hit.t);
+            if passed != Vec3::ONE {
+                radiance += path.throughput * (1.0 - passed) * self.air_radiance(path.direction);
+                path.throughput *= passed;
+            }
             let (mut s, relief) = self.surface_of(&hit, sunk, path.direction);
             let material = &self.scene.materials[s.material];
             let numbers = LightNumbers {

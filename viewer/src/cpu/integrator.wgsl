@@ -162,10 +162,16 @@ fn advance_path(at: vec2<u32>, before: Pixel, given: Path) {
     paths[index] = path;
 }
 
-// Takes the path to the end of its ray and adds what comes from beyond everything.
+// Takes the path to the end of its ray and adds what comes from the air before it, or from beyond everything.
 fn end_ray(t: f32, path: ptr<function, Path>, pixel: ptr<function, Pixel>) {
     (*path).travelled += t;
     if (*path).primitive == NO_HIT {
         (*pixel).sum += vec4<f32>((*path).throughput * miss_radiance(*path), 0.0);
+        return;
+    }
+    let passed = air_passed(*path, t);
+    if most(1.0 - passed) > 0.0 {
+        (*pixel).sum += vec4<f32>((*path).throughput * (1.0 - passed) * air_radiance((*path).direction), 0.0);
+        (*path).throughput *= passed;
     }
 }

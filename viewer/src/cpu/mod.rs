@@ -1,6 +1,7 @@
 //! The reference renderer: the CPU decoder and hierarchy, with the formulas of the shaders. Each `.wgsl` is the twin of
 //! the `.rs` beside it.
 
+pub(crate) mod air;
 pub(crate) mod direct_light;
 pub(crate) mod integrator;
 pub(crate) mod path;

@@ -7,8 +7,9 @@ use crate::geometry::surface::Surface;
 use crate::options::{Filter, RenderMode, ShadeOptions};
 use crate::sampler;
 use crate::scene::camera::CameraFrame;
-use crate::scene::material::{Body, Material};
+use crate::scene::material::{Body, Material, NOISE_OCTAVES};
 use crate::scene::scene::Scene;
+use crate::shading::fractal_noise::fractal_noise;
 use crate::shading::relief::Relief;
 use crate::shading::viewed_body::ViewedBody;
 use btf_runtime::{ViewedLeaf, ViewedTexel};
@@ -181,7 +182,7 @@ impl Shader<'_> {
         }
         let Some(size) = self.scene.texels_of(material) else { return 0 };
         let levels = match material.body {
-            Body::Plain(_) => 1,
+            Body::Plain(_) => NOISE_OCTAVES + 1,
             Body::Asset(asset) => self.scene.assets[asset].head().levels(),
             Body::Leaf(leaf) => self.scene.leaves[leaf].leaf.levels(),
         };
@@ -217,7 +218,12 @@ impl Shader<'_> {
         light_back: bool,
     ) -> Option<ViewedBody<'a>> {
         match material.body {
-            Body::Plain(colour) if light_back == s.view_back => Some(ViewedBody::Plain(colour.reflectance.into())),
+            Body::Plain(colour) if light_back == s.view_back => {
+                let noise = material.noise.map_or(Vec3::ONE, |noise| {
+                    Vec3::ONE.lerp(noise.into(), fractal_noise(s.uv * Vec2::from(material.uv_scale), level))
+                });
+                Some(ViewedBody::Plain(noise * Vec3::from(colour.reflectance)))
+            }
             Body::Plain(colour) => {
                 Some(Vec3::from(colour.transmittance)).filter(|share| share.max_element() > 0.0).map(ViewedBody::Plain)
             }

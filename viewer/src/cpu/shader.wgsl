@@ -158,7 +158,7 @@ fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, ve
 // Returns the level of the material's asset or leaf whose texels are about as large as what a ray stands for on the
 // surface, `travelled` from the eye: first all that a pixel sees, and less with every further ray of the pixel.
 fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
-    if frame.levels == 0u || (material.asset == NO_ASSET && material.leaf == NO_ASSET) {
+    if frame.levels == 0u || (material.asset == NO_ASSET && material.leaf == NO_ASSET && material.noise == 0u) {
         return 0u;
     }
     var size = vec2<u32>(0u);
@@ -166,6 +166,9 @@ fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
     if with_leaves && material.leaf != NO_ASSET {
         size = leaf_size(material.leaf);
         levels = leaf_levels(material.leaf);
+    } else if material.noise > 0u {
+        size = vec2<u32>(1u << NOISE_OCTAVES);
+        levels = NOISE_OCTAVES + 1u;
     } else if with_assets {
         size = btf_size(material.asset, 0u);
         levels = btf_levels(material.asset);

@@ -110,6 +110,8 @@ impl Shader<'_> {
         let mut radiance = Vec3::ZERO;
         let mut near = NearPoints::new(self.scene.lights.len() + 1);
         let (mut total, mut chosen, mut draws) = (0.0, None, 0u32);
+        // What the air before the places hides of them.
+        let mut hazed = Vec3::ZERO;
         // Whether a point that counts `weight` of `sum` is the one that is drawn.
         let mut is_drawn = |weight: f32, sum: f32| {
             draws += 1;
@@ -126,9 +128,12 @@ impl Shader<'_> {
                     radiance += self.shadowed_light(volumes, path, sun, &mut near, done);
                 }
                 let position = path.origin + path.direction * point.t;
+                let passed = self.air_passed(path, point.t);
+                hazed += point.weight * (1.0 - passed);
                 for (light, unshadowed) in self.lights_at(position, sun).zip(&mut near.unshadowed) {
                     if light.incident.max_element() > 0.0 {
-                        *unshadowed += point.weight * light.incident * point.reflected(volumes, light.towards, 0.0);
+                        *unshadowed +=
+                            passed * point.weight * light.incident * point.reflected(volumes, light.towards, 0.0);
                     }
                 }
                 near.weight += point.weight;
@@ -147,8 +152,12 @@ impl Shader<'_> {
             && let Some(light) = self.surroundings(sky_at).filter(|light| light.incident.max_element() > 0.0)
         {
             done.rays += 1;
-            let passed = self.light_passed(&self.met_point(volumes, path, point), &light);
+            let passed =
+                self.air_passed(path, point.t) * self.light_passed(&self.met_point(volumes, path, point), &light);
             radiance += total * passed * light.incident * point.reflected(volumes, light.towards, AROUND_ROUGHNESS);
+        }
+        if hazed != Vec3::ZERO {
+            radiance += hazed * self.air_radiance(path.direction);
         }
         VolumeRadiance { radiance, transmittance, point: chosen }
     }
@@ -252,7 +261,8 @@ impl Shader<'_> {
         }
         let Some(point) = met.point else { return AfterVolumes::Ended };
         let next = sampler::sphere(self.two_numbers(vertex, Numbers::VolumeScatter));
-        let throughput = path.throughput * (4.0 * point.reflected(volumes, next, AROUND_ROUGHNESS));
+        let passed = self.air_passed(path, point.t);
+        let throughput = path.throughput * passed * (4.0 * point.reflected(volumes, next, AROUND_ROUGHNESS));
         let Some(throughput) = roulette(throughput, kept_at) else { return AfterVolumes::Ended };
         path.throughput = throughput;
         (path.scattered, path.density) = (true, SPHERE_DENSITY);

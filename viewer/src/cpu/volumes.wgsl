@@ -60,6 +60,8 @@ struct NearPoints {
     // Of the whole ray: the share of the pixel that is hidden, and one place, as likely as its share.
     total: f32,
     chosen: VolumePoint,
+    // What the air before all places hides of them.
+    hazed: vec3<f32>,
 }
 
 // Returns the light that the path's ray meets in the scene's volumes up to `t_max`.
@@ -85,7 +87,8 @@ fn trace_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Volume
             near.light = volume_surroundings(sky_at);
             if most(near.light.incident) > 0.0 {
                 let reflected = volume_reflected(near.drawn, near.light.towards, VOLUME_AROUND_ROUGHNESS);
-                near.unshadowed = near.total * near.light.incident * reflected;
+                let passed = air_passed(path, near.drawn.t);
+                near.unshadowed = near.total * passed * near.light.incident * reflected;
             }
         }
         let transmittance = volume_march(path, t_max, sun, &near, &open, &met);
@@ -97,6 +100,9 @@ fn trace_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Volume
         }
     }
     met.point = near.chosen;
+    if most(near.hazed) > 0.0 {
+        met.radiance += near.hazed * air_radiance(path.direction);
+    }
     return met;
 }
 
@@ -205,8 +211,9 @@ fn volume_gather(path: Path, point: VolumePoint, sun: VolumeSource, near: ptr<fu
     if (*near).source > 0u {
         light = volume_point_light((*near).source - 1u, path.origin + path.direction * point.t);
     }
+    let passed = air_passed(path, point.t);
     if most(light.incident) > 0.0 {
-        (*near).unshadowed += point.weight * light.incident * volume_reflected(point, light.towards, 0.0);
+        (*near).unshadowed += passed * point.weight * light.incident * volume_reflected(point, light.towards, 0.0);
     }
     (*near).weight += point.weight;
     if sampler_one((*near).seed + (*near).draws + 1u) * (*near).weight < point.weight {
@@ -216,6 +223,7 @@ fn volume_gather(path: Path, point: VolumePoint, sun: VolumeSource, near: ptr<fu
     // One place for everything that takes a ray of its own.
     if (*near).source == 0u {
         (*near).total += point.weight;
+        (*near).hazed += point.weight * (1.0 - passed);
         if sampler_one((*near).seed + (*near).draws + 2u) * (*near).total < point.weight {
             (*near).chosen = point;
         }
@@ -306,7 +314,8 @@ fn pass_volumes(at: vec2<u32>, t_max: f32, path: ptr<function, Path>, pixel: ptr
         return false;
     }
     let next = sampler_sphere(sampler_two(frame.sample, seed_of(at, depth, VOLUME_SCATTER_NUMBERS)));
-    let scattered = (*path).throughput * (4.0 * volume_reflected(met.point, next, VOLUME_AROUND_ROUGHNESS));
+    let passed = air_passed(*path, met.point.t);
+    let scattered = (*path).throughput * passed * (4.0 * volume_reflected(met.point, next, VOLUME_AROUND_ROUGHNESS));
     let throughput = roulette(scattered, choice.y);
     if most(throughput) <= 0.0 {
         return false;

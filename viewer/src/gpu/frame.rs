@@ -66,6 +66,8 @@ pub(crate) struct GpuFrame {
     pub widest_leaf: f32,
     pub filtered: u32,
     pub pad1: u32,
+    pub air: [f32; 3],
+    pub pad2: u32,
 }
 
 /// A material. Twin: `Material` in `scene.wgsl`.
@@ -79,8 +81,8 @@ pub(crate) struct GpuMaterial {
     pub mirror: [f32; 3],
     pub displacement: f32,
     pub uv_scale: [f32; 2],
+    pub noise: u32,
     pub pad0: u32,
-    pub pad1: u32,
 }
 
 /// A point light. Twin: `Light` in `scene.wgsl`.
@@ -202,6 +204,8 @@ impl GpuFrame {
             widest_leaf: places.widest_leaf,
             filtered: options.filter as u32,
             pad1: 0,
+            air: scene.air,
+            pad2: 0,
         }
     }
 }
@@ -226,8 +230,14 @@ impl GpuMaterial {
             mirror: material.mirror,
             displacement: material.displacement,
             uv_scale: material.uv_scale,
+            noise: match (material.body, material.noise) {
+                // The last byte is not 0: a factor may be.
+                (Body::Plain(_), Some([r, g, b])) => {
+                    u32::from_le_bytes([r, g, b, 2.0].map(|x| (127.0 * x).round() as u8))
+                }
+                _ => 0,
+            },
             pad0: 0,
-            pad1: 0,
         }
     }
 }

@@ -13,12 +13,14 @@ pub(super) const ENVIRONMENT: &str = include_str!("../light/environment.wgsl");
 pub(super) const SUN_DISC: &str = include_str!("../light/sun_disc.wgsl");
 pub(super) const SURFACE: &str = include_str!("../geometry/surface.wgsl");
 pub(super) const RELIEF: &str = include_str!("../shading/relief.wgsl");
+pub(super) const FRACTAL_NOISE: &str = include_str!("../shading/fractal_noise.wgsl");
 pub(super) const VIEWED_BODY: &str = include_str!("../shading/viewed_body.wgsl");
 pub(super) const LOD_TRANSITION: &str = include_str!("../geometry/lod_transition.wgsl");
 pub(super) const SHADER: &str = include_str!("../cpu/shader.wgsl");
 pub(super) const PATH: &str = include_str!("../cpu/path.wgsl");
 pub(super) const DIRECT_LIGHT: &str = include_str!("../cpu/direct_light.wgsl");
 pub(super) const SCATTER: &str = include_str!("../cpu/scatter.wgsl");
+pub(super) const AIR: &str = include_str!("../cpu/air.wgsl");
 pub(super) const INTEGRATOR: &str = include_str!("../cpu/integrator.wgsl");
 pub(super) const PASSES: &str = include_str!("../shaders/passes.wgsl");
 pub(super) const SHEAR: &str = include_str!("../geometry/shear.wgsl");
@@ -158,12 +160,13 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
             SUN_DISC,
             SURFACE,
             RELIEF,
+            FRACTAL_NOISE,
             VIEWED_BODY,
             SHEAR,
             LOD_TRANSITION,
         ],
         volumes,
-        &[SHADER, PATH, DIRECT_LIGHT, SCATTER, INTEGRATOR, PASSES, DECODE_QUERIES],
+        &[SHADER, PATH, DIRECT_LIGHT, SCATTER, AIR, INTEGRATOR, PASSES, DECODE_QUERIES],
     ]
     .concat()
     .join("\n")

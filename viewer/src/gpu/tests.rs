@@ -10,15 +10,16 @@ use crate::gpu::acceleration_structure::{MESHES, PROXIES, WITH_VOLUMES};
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::frame::{GpuFrame, GpuLight, GpuMaterial, GpuPath, GpuPixel, MAX_MATERIALS, NO_ASSET};
 use crate::gpu::modules::{
-    BLIT, DIRECT_LIGHT, INTEGRATOR, LOD_TRANSITION, ModuleLayout, PATH, RELIEF, ROOFLINE, SAMPLER, SCATTER, SHADER,
-    SHEAR, SKIN_CELL, SKIN_PATTERN, SKIN_WALK, SUN_DISC, VOLUME_LIGHT, VOLUMES, VOLUMES_ON_PATHS, trace_module,
-    walk_module,
+    AIR, BLIT, DIRECT_LIGHT, FRACTAL_NOISE, INTEGRATOR, LOD_TRANSITION, ModuleLayout, PATH, RELIEF, ROOFLINE, SAMPLER,
+    SCATTER, SHADER, SHEAR, SKIN_CELL, SKIN_PATTERN, SKIN_WALK, SUN_DISC, VOLUME_LIGHT, VOLUMES, VOLUMES_ON_PATHS,
+    trace_module, walk_module,
 };
 use crate::gpu::pieces::PieceLayout;
 use crate::gpu::queries::decode_queries::{GpuQuery, GpuQueryParams};
 use crate::gpu::queries::walk_queries::{GpuWalkPlace, WalkQuery, WalkSum};
 use crate::light::sky_irradiance;
 use crate::options::{Filter, RenderMode, SkyLight};
+use crate::scene::material::NOISE_OCTAVES;
 use crate::volume::skin::{MAX_CELLS, NO_LINK, NO_VOLUME};
 use crate::volume::volumes::MAX_PASSAGES;
 use crate::volume::words::NO_PATTERNS;
@@ -114,13 +115,13 @@ fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
     let all = [
         (
             "Frame",
-            fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, heights, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, filtered, pad1),
+            fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, heights, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, filtered, pad1, air, pad2),
         ),
         ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
         ("Triangle", fields!(Triangle; vertices, material)),
         (
             "Material",
-            fields!(GpuMaterial; diffuse, asset, transmitted, leaf, mirror, displacement, uv_scale, pad0, pad1),
+            fields!(GpuMaterial; diffuse, asset, transmitted, leaf, mirror, displacement, uv_scale, noise, pad0),
         ),
         ("Light", fields!(GpuLight; position, pad0, intensity, pad1)),
         ("Path", fields!(GpuPath; origin, primitive, direction, u, throughput, v, instance, density, travelled, sunk)),
@@ -226,6 +227,7 @@ fn twins_hold_the_same_functions_in_the_same_order() {
         (include_str!("../light/sun_disc.rs"), SUN_DISC, ""),
         (include_str!("../geometry/shear.rs"), SHEAR, "shear_"),
         (include_str!("../geometry/lod_transition.rs"), LOD_TRANSITION, "lod_transition_"),
+        (include_str!("../shading/fractal_noise.rs"), FRACTAL_NOISE, ""),
         (include_str!("../shading/relief.rs"), RELIEF, ""),
         (include_str!("../volume/skin/walk.rs"), SKIN_WALK, "shell_"),
         (include_str!("../volume/skin/cell.rs"), SKIN_CELL, "cell_"),
@@ -234,6 +236,7 @@ fn twins_hold_the_same_functions_in_the_same_order() {
         (include_str!("../volume/light.rs"), VOLUME_LIGHT, "volume_"),
         (include_str!("../cpu/shader.rs"), SHADER, ""),
         (include_str!("../cpu/path.rs"), PATH, ""),
+        (include_str!("../cpu/air.rs"), AIR, ""),
         (include_str!("../cpu/direct_light.rs"), DIRECT_LIGHT, "light_"),
         (include_str!("../cpu/scatter.rs"), SCATTER, ""),
         (include_str!("../cpu/integrator.rs"), INTEGRATOR, ""),
@@ -275,6 +278,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("FILTER_NEAREST", Filter::Nearest as u32),
         ("FILTER_LINEAR", Filter::Linear as u32),
         ("LEVEL_CHOICE", shader::LEVEL_CHOICE),
+        ("NOISE_OCTAVES", NOISE_OCTAVES),
         ("ENVIRONMENT_CHOICE", direct_light::ENVIRONMENT_CHOICE),
         ("LOBE_CHOICE", direct_light::LOBE_CHOICE),
         ("SIDE_CHOICE", direct_light::SIDE_CHOICE),
@@ -311,6 +315,8 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
     let tables = [
         crate::geometry::lanes::CONSTANTS,
         crate::geometry::surface::CONSTANTS,
+        crate::cpu::air::CONSTANTS,
+        crate::shading::fractal_noise::CONSTANTS,
         crate::shading::relief::CONSTANTS,
         crate::volume::light::CONSTANTS,
         shader::CONSTANTS,

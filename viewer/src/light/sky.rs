@@ -119,6 +119,11 @@ impl Sky {
         self.atmosphere.transmittance(column).map(|x| x * visible)
     }
 
+    /// Returns the air that scatters.
+    pub(crate) fn atmosphere(&self) -> &Atmosphere {
+        &self.atmosphere
+    }
+
     /// Gathers the field of the light that `sources` send, once on its way.
     fn gather(&self, sources: &Sources) -> Field {
         let (harmonics, ground): (Vec<_>, Vec<_>) = (0..HEIGHTS * ELEVATIONS)

@@ -80,6 +80,9 @@ pub enum Body {
     Leaf(usize),
 }
 
+/// Octaves of the noise of plain bodies: a unit of the texture is halved 13 times.
+pub(crate) const NOISE_OCTAVES: u32 = 14;
+
 /// Material of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
@@ -94,12 +97,15 @@ pub struct Material {
     /// What the asset's heights are multiplied by where they displace the surface: 1 as they are, 0 for none. The mesh
     /// is where the highest point lies.
     pub displacement: f32,
+    /// Factors on what a plain body reflects where a fractal noise over the texture coordinates is 1, 0 to 2 in steps of
+    /// 1/127; where it is 0, the colour is its own. `None` where the colour is even.
+    pub noise: Option<[f32; 3]>,
 }
 
 impl Material {
     /// Makes a material without a mirror.
     pub fn new(body: Body, uv_scale: [f32; 2]) -> Material {
-        Material { body, tint: [1.0; 3], mirror: [0.0; 3], uv_scale, displacement: 0.0 }
+        Material { body, tint: [1.0; 3], mirror: [0.0; 3], uv_scale, displacement: 0.0, noise: None }
     }
 
     /// Makes a material that shows asset number `asset`.

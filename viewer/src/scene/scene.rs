@@ -10,7 +10,7 @@ use crate::scene::builtin;
 use crate::scene::camera::Camera;
 use crate::scene::gltf_asset::{groups_with_own_bodies, own_bodies};
 use crate::scene::leaf::SceneLeaf;
-use crate::scene::material::{Body, Material, Shown};
+use crate::scene::material::{Body, Material, NOISE_OCTAVES, Shown};
 use crate::scene::mesh::{self, MeshPart};
 use crate::scene::mesh_file::{FileMesh, load_meshes};
 use crate::scene::plant_variation::vary_plants;
@@ -129,6 +129,11 @@ pub struct Scene {
     /// A picture of light from all around, which then is background and, within the ambient light's distance, stands
     /// for that.
     pub environment: Option<Arc<Environment>>,
+    /// Metres of a unit, where what is far is seen through the air of the day (aerial perspective); without it, all air is
+    /// left out.
+    pub air_unit_m: Option<f32>,
+    /// Extinction of the air, RGB, a unit; 0 for none. [`Scene::stand_outdoors`] changes it.
+    pub air: [f32; 3],
     /// Camera.
     pub camera: Camera,
     /// Further cameras that the scene description names.
@@ -208,7 +213,7 @@ impl Scene {
     /// Returns width and height in texels of what a material shows, at its finest level; `None` where it is plain.
     pub(crate) fn texels_of(&self, material: &Material) -> Option<[f32; 2]> {
         let size = match material.body {
-            Body::Plain(_) => return None,
+            Body::Plain(_) => material.noise.map(|_| [1 << NOISE_OCTAVES; 2])?,
             Body::Asset(asset) => self.assets[asset].head().size(0),
             Body::Leaf(leaf) => self.leaves[leaf].leaf.size(),
         };
@@ -258,6 +263,8 @@ impl Scene {
             lights: Vec::new(),
             sun: None,
             outdoors: None,
+            air_unit_m: None,
+            air: [0.0; 3],
             light_rig: LightRig::Around,
             ambient: Ambient::NONE,
             environment: None,
@@ -387,6 +394,7 @@ impl Scene {
     /// sun away.
     pub fn surround(&mut self, environment: Environment) {
         (self.environment, self.sun, self.outdoors) = (Some(Arc::new(environment)), None, None);
+        self.air = [0.0; 3];
         self.ambient = Ambient { radiance: [0.0; 3], distance: BEYOND_EVERYTHING };
         self.lights.clear();
     }
@@ -398,6 +406,10 @@ impl Scene {
         let [width, height] = SKY_SIZE;
         let black = || Environment::new(width, height, &vec![0.0; width * height * 3]);
         self.surround(if outdoors.parts == DaylightParts::Sun { black() } else { light.environment });
+        // What the air adds comes from the sky.
+        if let (Some(unit_m), true) = (self.air_unit_m, outdoors.parts != DaylightParts::Sun) {
+            self.air = light.air_extinction_per_m.map(|per_m| per_m * unit_m);
+        }
         self.sun = light.sun.filter(|_| outdoors.parts != DaylightParts::Sky);
         self.outdoors = Some(outdoors);
     }

@@ -60,6 +60,9 @@ struct Frame {
     // 1 draws one of the texels around a place.
     filtered: u32,
     pad1: u32,
+    // What a unit of air takes away; 0 for none.
+    air: vec3<f32>,
+    pad2: u32,
 }
 
 struct Vertex {
@@ -105,8 +108,9 @@ struct Material {
     // What the asset's heights are multiplied by as relief; 0 for none.
     displacement: f32,
     uv_scale: vec2<f32>,
+    // Factors on what a plain one reflects where the noise is 1, bytes from 0 to 2 in steps of 1/127; 0 for no noise.
+    noise: u32,
     pad0: u32,
-    pad1: u32,
 }
 
 struct Light {

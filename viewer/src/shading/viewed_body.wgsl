@@ -35,6 +35,10 @@ fn viewed_body(s: Surface, material: Material, leaf: ViewedLeaf, level: u32, lig
     if !with_assets || material.asset == NO_ASSET {
         let through = light_back != s.view_back;
         viewed.diffuse = select(material.diffuse, material.transmitted, through);
+        if material.noise > 0u && !through {
+            let noise = fractal_noise(s.uv * material.uv_scale, level);
+            viewed.diffuse *= mix(vec3<f32>(1.0), 255.0 / 127.0 * unpack4x8unorm(material.noise).xyz, noise);
+        }
         viewed.kind = select(BODY_PLAIN, BODY_NONE, through && most(material.transmitted) <= 0.0);
         return viewed;
     }

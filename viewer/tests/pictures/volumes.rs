@@ -4,7 +4,7 @@ use crate::support::{count_differences, gpu, ray_query_is_left_out};
 use btf_runtime::testing::{Random, random_volume};
 use btf_runtime::voltex::Voltex;
 use btf_viewer::{
-    Ambient, Camera, CpuPicture, DiscreteJitter, Environment, FrameRequest, GpuTracer, Jitter, Landscape,
+    Ambient, Camera, CellMap, CpuPicture, DiscreteJitter, Environment, FrameRequest, GpuTracer, Jitter, Landscape,
     LandscapeParams, Material, NO_VOLUME, Noise, Pattern, PointLight, RenderMode, Scene, SceneChange, SceneMesh,
     SceneObject, SceneSkin, ShadeOptions, Shell, ShellParams, Shown, Skin, SkinVertex, Sun, Tracer, Updated,
     VolumePlace, Volumes, Wind, plane, sphere,
@@ -43,7 +43,13 @@ fn skin(seed: u32) -> SceneSkin {
     let shell = Shell::new(&leaning, &ShellParams { tolerance: 0.1, ..ShellParams::default() }).unwrap();
     let jitter =
         DiscreteJitter { empty: 0.2, scale: [0.5, 0.9], displacement: 0.3, margin: 0.1, turns: true, mirrors: true };
-    let isolated = Pattern { alternatives: vec![[2, 3, NO_VOLUME, NO_VOLUME]], ..Pattern::isolated(2, jitter, seed) };
+    // A map of three alternatives in more words than one, beyond which there is nothing.
+    let content = (0..20u8).map(|i| [1, 2, 0, 3, 1, 2, 1][usize::from(i % 7)]).collect();
+    let isolated = Pattern {
+        alternatives: [[2, 3], [3, NO_VOLUME], [2, NO_VOLUME]].map(|[a, b]| [a, b, NO_VOLUME, NO_VOLUME]).to_vec(),
+        cells: Some(Arc::new(CellMap { size: [5, 4], content })),
+        ..Pattern::isolated(2, jitter, seed)
+    };
     SceneSkin { rest: leaning, shell, patterns: vec![Pattern::cyclic(3), isolated], leaf_width: 0.0 }
 }
 
@@ -164,7 +170,12 @@ fn cases() -> Vec<Case> {
     windy.blow(1.5).unwrap();
     let mut lit_evenly = garden(&[BALL]);
     lit_evenly.ambient = Ambient { radiance: [0.3, 0.4, 0.5], distance: 1.0 };
+    let mut hazy = outdoors(&[BALL]);
+    hazy.air = [0.1, 0.15, 0.25];
+    hazy.materials[0].noise = Some([2.0, 0.3, 0.0]);
     vec![
+        Case::new("haze over uneven ground", hazy.clone(), RenderMode::Direct),
+        Case::new("haze over uneven ground, paths", hazy, RenderMode::Path),
         Case::new("a sky", outdoors(&[BALL]), RenderMode::Direct),
         Case::new("a sky, paths", outdoors(&[BALL]), RenderMode::Path),
         Case::new("ambient light", lit_evenly, RenderMode::Direct),

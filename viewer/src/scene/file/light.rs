@@ -41,6 +41,8 @@ pub(super) struct DaylightEntry {
     ground_albedo: Option<f64>,
     #[serde(default)]
     parts: DaylightParts,
+    #[serde(default)]
+    air: bool,
 }
 
 /// `[ambient]`: uniform light that near surfaces occlude.
@@ -100,16 +102,17 @@ impl SunEntry {
 }
 
 impl DaylightEntry {
-    /// Puts the scene under sun and sky.
+    /// Puts the scene, of which a unit is `unit_m` metres long, under sun and sky.
     ///
     /// # Errors
     /// [`ViewerError::Scene`] for a moment, a place or an air that is none.
-    pub(super) fn put_into(&self, scene: &mut Scene, source: Source) -> Result<(), ViewerError> {
+    pub(super) fn put_into(&self, scene: &mut Scene, unit_m: f32, source: Source) -> Result<(), ViewerError> {
         let wrong = |error: ViewerError| source.fault(error.to_string());
         let mut daylight = Daylight::new(&self.date_time, &self.place).map_err(wrong)?;
         daylight.turbidity = self.turbidity.unwrap_or(daylight.turbidity);
         daylight.ground_albedo = self.ground_albedo.unwrap_or(daylight.ground_albedo);
         let light = daylight.sun_and_sky().map_err(wrong)?;
+        scene.air_unit_m = self.air.then_some(unit_m);
         scene.stand_outdoors(Outdoors { daylight, parts: self.parts }, light);
         Ok(())
     }

@@ -20,6 +20,7 @@ pub(super) struct MaterialEntry {
     leaf: Option<String>,
     diffuse: Option<[f32; 3]>,
     transmitted: Option<[f32; 3]>,
+    noise: Option<[f32; 3]>,
     mirror: Option<[f32; 3]>,
     #[serde(default)]
     physical: bool,
@@ -104,7 +105,12 @@ impl MaterialEntry {
                 transmittance: self.transmitted.unwrap_or([0.0; 3]),
             }),
         };
-        let material = Material { mirror, displacement: self.displacement, ..Material::new(body, self.uv_scale) };
+        let material = Material {
+            mirror,
+            displacement: self.displacement,
+            noise: self.noise,
+            ..Material::new(body, self.uv_scale)
+        };
         self.check_numbers(&material, source)?;
         Ok(material)
     }
@@ -150,6 +156,11 @@ impl MaterialEntry {
                     self.name
                 )));
             }
+        }
+        let within = self.noise.iter().flatten().all(|factor| (0.0..=2.0).contains(factor));
+        if !within || (self.noise.is_some() && self.diffuse.is_none()) {
+            return Err(source
+                .fault(format!("material '{}' has noise, which needs diffuse beside it and is 0 to 2", self.name)));
         }
         if !(material.displacement.is_finite() && material.displacement >= 0.0) {
             return Err(source.fault(format!("material '{}' needs a displacement of at least 0", self.name)));

@@ -162,7 +162,7 @@ impl SceneFile {
             environment.put_into(scene, source)?;
         }
         if let Some(daylight) = &self.daylight {
-            daylight.put_into(scene, source)?;
+            daylight.put_into(scene, self.unit_mm.map_or(1.0, |unit_mm| unit_mm / 1000.0), source)?;
         }
         if self.sun.is_some() && self.daylight.is_some() {
             return Err(source.fault("it has a [sun] and a [daylight], which has a sun of its own: leave one"));

@@ -143,7 +143,7 @@ impl SkinEntry {
             mirrors: texels.mirrors,
         });
         let seed = self.texels.as_ref().map_or(0, |texels| texels.seed);
-        Ok(Pattern { alternatives, jitter, seed })
+        Ok(Pattern { alternatives, jitter, seed, cells: None })
     }
 
     /// Makes the skin in the world, jittered.

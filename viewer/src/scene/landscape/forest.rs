@@ -4,53 +4,74 @@
 //! places, and no rows are seen.
 
 use super::counts::LandscapeCounts;
-use super::planted::{Plant, Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, look};
-use super::terrain::{Terrain, texels_of, with_border_of};
-use crate::scene::volume::AS_IT_IS;
-use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
+use super::planted::{
+    Plant, Planted, Soil, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, chance, densest, inland, look,
+};
+use super::terrain::{Terrain, with_border_of};
+use crate::volume::skin::{CellMap, Jitter, NO_VOLUME, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Patches from west to east and from south to north.
 const PATCHES: [u32; 2] = [36, 39];
-/// Texels along both: the texture is not bound to the patches.
-const TEXELS: [f32; 2] = [100.0, 125.0];
+/// Texels of a patch along both.
+const TEXELS_OF_PATCH: [u32; 2] = [4, 3];
+/// Texels with trees.
+const TEXELS: usize = 12_500;
 /// Trees of a texel.
 const TREES: u64 = 2;
-/// Floor of a forest.
-const SOIL: [f32; 3] = [0.035, 0.05, 0.018];
+/// Floor of a forest, and meadows.
+const SOIL: Soil = Soil { reflectance: [0.026, 0.04, 0.013], noise: [2.0, 1.65, 1.7], unit_m: 1280.0 };
 /// Height of the mountains.
-const PEAK_TEXELS: f32 = 26.0;
+const PEAK_TEXELS: f32 = 22.0;
 /// Width of mountains and of their ridges.
 const MOUNTAIN_TEXELS: f32 = 48.0;
 
 /// Width of the mountains' foot, along the border.
-const FOOT_TEXELS: f32 = 22.0;
+const FOOT_TEXELS: f32 = 46.0;
+/// Width of the border where trees become fewer.
+const BORDER_TEXELS: f32 = 10.0;
+/// Width of groups of trees.
+const GROUP_TEXELS: f32 = 11.0;
+/// A clearing: its middle, from the middle of the southern border to the east and north, and its radius.
+const CLEARING_TEXELS: [f32; 3] = [-6.0, 8.0, 3.6];
+/// Heights from which the second species is the usual one, and from which trees stand apart, in shares of the peaks'.
+const UPPER: f32 = 0.33;
+/// See [`UPPER`].
+const TREE_LINE: f32 = 0.8;
+/// How much smaller trees are at the peaks.
+const STUNTED: f32 = 0.4;
+/// Factors on what leaves and bark of the species reflect and transmit: valleys, heights, steep places.
+pub(super) const TINTS: [[f32; 3]; 3] = [[1.15, 1.1, 0.95], [0.55, 0.7, 0.75], [1.6, 1.2, 0.7]];
 
 /// The volume that comes with the viewer: two trees in a cube.
 pub(super) const VOLUMES: [&[u8]; 1] = [built_in!("forest")];
 
 /// The trees of a texel, as `cargo xtask volumes` sets them out.
 pub(super) const PLANTS: [Plant; TREES as usize] = [
-    Plant { volume: 0, scale: 0.9, foot_m: Vec3::new(-1.15, 0.0, 0.5), tints: &[AS_IT_IS] },
-    Plant { volume: 0, scale: 0.85, foot_m: Vec3::new(1.45, 0.0, -1.3), tints: &[AS_IT_IS] },
+    Plant { volume: 0, scale: 0.9, foot_m: Vec3::new(-1.15, 0.0, 0.5), tints: &TINTS },
+    Plant { volume: 0, scale: 0.85, foot_m: Vec3::new(1.45, 0.0, -1.3), tints: &TINTS },
 ];
 
 /// Plants the forest; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
-    let texels_of_patch = [TEXELS[0] / PATCHES[0] as f32, TEXELS[1] / PATCHES[1] as f32];
+    let texels_of_patch = TEXELS_OF_PATCH.map(|count| count as f32);
     let terrain = Terrain::times(PATCHES, Vec2::from(texels_of_patch) * side_m, times, |size_m| {
         let peaks = Noise { wavelength: MOUNTAIN_TEXELS * side_m, period: [0; 3], seed: 2 };
         let ridges = Noise { wavelength: 0.4 * MOUNTAIN_TEXELS * side_m, period: [0; 3], seed: 9 };
         Box::new(move |at: Vec2| {
             // Level at the border, where the land goes on without a forest.
-            let inland = ((0.5 * size_m - at.abs()).min_element() / (FOOT_TEXELS * side_m)).clamp(0.0, 1.0);
+            let inland = inland(at, size_m, FOOT_TEXELS * side_m);
             let at = Vec3::new(at.x, at.y, 0.37 * peaks.wavelength);
             let shape = 0.45 + 0.8 * peaks.at(at) + 0.22 * (0.4 - ridges.at(at).abs());
-            PEAK_TEXELS * side_m * shape.max(0.0) * inland * inland * (3.0 - 2.0 * inland)
+            PEAK_TEXELS * side_m * shape.max(0.0) * inland
         })
     });
-    let texels = [0, 1].map(|axis| terrain.patches[axis] as f32 * texels_of_patch[axis]);
-    let rest = terrain.skin(texels, |_| Vec3::Y * side_m, |_, _| 0)?;
+    let cells = grown(&terrain, times, side_m);
+    // Smaller where it is high.
+    let height = |at: Vec2| Vec3::Y * side_m * (1.0 - STUNTED * share_of_peak(&terrain, at, side_m).min(1.0));
+    let rest = terrain.skin(cells.size.map(|count| count as f32), height, |_, _| 0)?;
     let jitter = Jitter {
         noise: Noise { wavelength: 6.1 * side_m, period: [0; 3], seed: 4 },
         coordinates: 2.0,
@@ -58,7 +79,7 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
         angle_deg: 0.0,
     };
     let skin = with_border_of(&jitter.apply(&rest)?, &rest)?;
-    let texels = texels_of(&skin).round() as u64;
+    let texels = cells.content.iter().filter(|content| **content > 0).count() as u64;
     let trees = TREES * texels;
     let counts = LandscapeCounts {
         patches: skin.faces().len() as u64,
@@ -69,13 +90,57 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     };
     let south = -0.5 * terrain.size_m.y;
     let above = |east: f32, north: f32, height: f32| {
-        terrain.at(Vec2::new(east * side_m, south + north * side_m)) + Vec3::Y * height * side_m
+        terrain.on_ground(Vec2::new(east * side_m, south + north * side_m)) + Vec3::Y * height * side_m
     };
+    let clearing = above(-5.4, 9.4, 0.3);
     let cameras = [
-        look(above(-42.0, -30.0, 36.0), above(0.0, 55.0, 0.0), 42.0),
-        look(above(-25.0, 8.0, 16.0), above(6.0, 60.0, 0.0), 45.0),
-        look(above(-14.0, 30.0, 3.2), above(-6.0, 44.0, 1.0), 50.0),
+        look(above(-36.0, -16.0, 22.0), above(4.0, 55.0, 9.0), 42.0),
+        look(above(-30.0, 12.0, 8.0), above(8.0, 64.0, 3.0), 45.0),
+        look(clearing, clearing + Vec3::new(9.0, 1.9, -5.0) * side_m, 60.0),
     ];
     let wind = Wind { leaning_speed_m_per_s: TREE_LEANING_M_PER_S, flutter: TREE_FLUTTER, ..Wind::default() };
-    Ok(Planted { terrain, skin, patterns: vec![Pattern::isolated(0, TURNED, 3)], soil: SOIL, cameras, wind, counts })
+    let alternatives = (0..TINTS.len() as u32).map(|volume| [volume, NO_VOLUME, NO_VOLUME, NO_VOLUME]).collect();
+    let pattern = Pattern { alternatives, cells: Some(Arc::new(cells)), ..Pattern::isolated(0, TURNED, 3) };
+    Ok(Planted { terrain, skin, patterns: vec![pattern], soil: SOIL, cameras, wind, counts })
+}
+
+/// Returns the height of the land over that of the peaks, nearly.
+fn share_of_peak(terrain: &Terrain, at: Vec2, side_m: f32) -> f32 {
+    (terrain.height_m)(at) / (PEAK_TEXELS * side_m)
+}
+
+/// Returns which texels have trees, and of which species: by height and slope, in groups, fewer towards the border and on
+/// the peaks, none in a clearing.
+fn grown(terrain: &Terrain, times: u32, side_m: f32) -> CellMap {
+    let size = [0, 1].map(|axis| TEXELS_OF_PATCH[axis] * terrain.patches[axis]);
+    let groups = Noise { wavelength: GROUP_TEXELS * side_m, period: [0; 3], seed: 17 };
+    let group = |at: Vec2| groups.at(Vec3::new(at.x, at.y, 0.4 * groups.wavelength));
+    let [east, north, radius] = CLEARING_TEXELS.map(|texels| texels * side_m);
+    let clearing = Vec2::new(east, north - 0.5 * terrain.size_m.y);
+    let texels: Vec<([u32; 2], Vec2)> = (0..size[1])
+        .flat_map(|row| (0..size[0]).map(move |column| [column, row]))
+        .map(|texel| {
+            let share = (Vec2::from(texel.map(|x| x as f32)) + 0.5) / Vec2::from(size.map(|x| x as f32));
+            (texel, (share - 0.5) * terrain.size_m)
+        })
+        .collect();
+    let density = |(texel, at): &([u32; 2], Vec2)| {
+        let height = share_of_peak(terrain, *at, side_m);
+        let cleared = 1.0 - (((*at - clearing).length() / radius - 0.8) / 0.4).clamp(0.0, 1.0);
+        1.6 * inland(*at, terrain.size_m, BORDER_TEXELS * side_m) + 0.7 * group(*at) + 0.5 * chance(*texel, 3)
+            - 1.5 * (height - TREE_LINE).max(0.0)
+            - 3.0 * cleared
+    };
+    let densities: Vec<f32> = texels.par_iter().map(density).collect();
+    let grows = densest(TEXELS * times as usize, &densities);
+    let species = |(texel, at): &([u32; 2], Vec2)| {
+        let height = share_of_peak(terrain, *at, side_m) + 0.25 * group(*at) + 0.3 * (chance(*texel, 5) - 0.5);
+        let steep = 1.0 - terrain.normal(*at).y;
+        match (height > UPPER, steep + 0.25 * (chance(*texel, 8) - 0.5) > 0.22) {
+            (_, true) => 2,
+            (high, false) => u8::from(high),
+        }
+    };
+    let content = texels.par_iter().zip(&grows).map(|(texel, grows)| if *grows { 1 + species(texel) } else { 0 });
+    CellMap { size, content: content.collect() }
 }

@@ -1,15 +1,19 @@
 //! Trees that stand apart on flat land: 512 on 1,024 patches, each another size, turn, place and colour of one tree.
 
 use super::counts::LandscapeCounts;
-use super::planted::{Planted, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, half_of_pairs, look};
+use super::planted::{Planted, Soil, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, chance, densest, inland, look};
 use super::terrain::Terrain;
-use crate::volume::skin::{DiscreteJitter, NO_VOLUME, Pattern, Wind};
+use crate::volume::skin::{DiscreteJitter, NO_VOLUME, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
 /// Patches from west to east and from south to north.
 const PATCHES: [u32; 2] = [32, 32];
 /// Meadow.
-const SOIL: [f32; 3] = [0.075, 0.1, 0.035];
+const SOIL: Soil = Soil { reflectance: [0.06, 0.085, 0.028], noise: [1.75, 1.3, 1.45], unit_m: 320.0 };
+/// Width of groups of trees and of clearings, patches.
+const GROUP_PATCHES: f32 = 7.0;
+/// Width of the land's border where trees become fewer, patches.
+const BORDER_PATCHES: f32 = 7.0;
 /// Factors on what leaves and bark reflect and transmit: the materials of the trees.
 pub(super) const TINTS: [[f32; 3]; 3] = [[1.0; 3], [1.45, 1.12, 0.7], [0.72, 0.85, 0.9]];
 /// Numbers of the patterns.
@@ -25,8 +29,18 @@ pub(super) const VOLUMES: [&[u8]; 1] = [built_in!("tree")];
 /// Plants the grove; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let terrain = Terrain::times(PATCHES, Vec2::splat(side_m), times, |_| Box::new(|_| 0.0));
-    // Of two neighbouring patches one has a tree, so that they stand apart and are exactly half as many.
-    let pattern = |column: u32, row: u32| if half_of_pairs([column, row], 11) { TREE } else { CLEARING };
+    // Half of the patches have a tree: those in groups, and fewer towards the border.
+    let groups = Noise { wavelength: GROUP_PATCHES * side_m, period: [0; 3], seed: 6 };
+    let density = |patch: [u32; 2]| {
+        let at = terrain.middle(patch);
+        let group = groups.at(Vec3::new(at.x, at.y, 0.4 * groups.wavelength));
+        0.9 * inland(at, terrain.size_m, BORDER_PATCHES * side_m) + 0.8 * group + 1.1 * chance(patch, 11)
+    };
+    let densities: Vec<f32> = terrain.all_patches().map(density).collect();
+    let grows = densest(densities.len() / 2, &densities);
+    let pattern = |column: u32, row: u32| {
+        if grows[(row * terrain.patches[0] + column) as usize] { TREE } else { CLEARING }
+    };
     let skin = terrain.skin(terrain.patches.map(|count| count as f32), |_| Vec3::Y * side_m, pattern)?;
     let jitter =
         DiscreteJitter { empty: 0.0, scale: [0.6, 1.0], displacement: 0.5, margin: MARGIN, turns: true, mirrors: true };
@@ -45,10 +59,14 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     };
     let south = 0.5 * terrain.size_m.y;
     let cameras = [
-        look(Vec3::new(0.0, 4.0 * side_m, south + 4.0 * side_m), Vec3::new(0.0, 0.0, south - 7.0 * side_m), 42.0),
         look(
-            Vec3::new(0.0, 1.3 * side_m, south + 1.5 * side_m),
-            Vec3::new(0.0, 0.5 * side_m, south - 4.0 * side_m),
+            Vec3::new(-4.0 * side_m, 2.4 * side_m, south + 1.0 * side_m),
+            Vec3::new(0.0, 0.0, south - 8.0 * side_m),
+            42.0,
+        ),
+        look(
+            Vec3::new(0.0, 1.1 * side_m, south - 4.0 * side_m),
+            Vec3::new(0.0, 0.7 * side_m, south - 10.0 * side_m),
             50.0,
         ),
         look(Vec3::new(0.0, 0.3 * side_m, south - 8.0 * side_m), Vec3::new(0.6, 0.42, south - 10.0 * side_m), 55.0),

@@ -1,13 +1,17 @@
 //! A lawn on a hill: 1,400 patches with a texel of 16 blades each and a flower in half of them.
 
 use super::counts::LandscapeCounts;
-use super::planted::{Planted, TURNED, half_of_pairs, look};
+use super::planted::{Planted, Soil, TURNED, chance, densest, look};
 use super::terrain::Terrain;
-use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
+use crate::volume::skin::{Jitter, Noise, Pattern, Skin, Wind};
 use glam::{Vec2, Vec3};
 
-/// Patches from west to east and from south to north.
-const PATCHES: [u32; 2] = [40, 35];
+/// Patches with grass.
+const PATCHES: usize = 1_400;
+/// Patches of the land from west to east and from south to north: around the lawn there is grass here and there.
+const LAND: [u32; 2] = [56, 48];
+/// How far from the middle the lawn is half as dense as there, in shares of the way to the land's border.
+const EDGE: f32 = 0.78;
 /// Blades of a texel, as `btf-synth plants --species grass` grows them.
 const BLADES: u64 = 16;
 /// Shapes of a flower: stem, petals and its middle.
@@ -15,7 +19,7 @@ const FLOWER_SHAPES: u64 = 15;
 /// Height of the hill over the shorter side of the land.
 const HILL: f32 = 0.22;
 /// Soil under moss.
-const SOIL: [f32; 3] = [0.05, 0.07, 0.022];
+const SOIL: Soil = Soil { reflectance: [0.045, 0.065, 0.02], noise: [2.0, 1.45, 1.6], unit_m: 40.0 };
 /// How height vectors differ: tufts of some texels lean together.
 const TUFT_TEXELS: f32 = 5.0;
 /// Numbers of the patterns, and of the volumes.
@@ -29,16 +33,36 @@ pub(super) const VOLUMES: [&[u8]; 2] = [built_in!("lawn"), built_in!("lawn_flowe
 /// Plants the lawn; `side_m` is that of the volumes, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let swell = Noise { wavelength: 12.0 * side_m, period: [0; 3], seed: 5 };
-    let terrain = Terrain::times(PATCHES, Vec2::splat(side_m), times, |size_m| {
+    let terrain = Terrain::times(LAND, Vec2::splat(side_m), times, |size_m| {
         Box::new(move |at| {
             let height = HILL * size_m.min_element();
             let out = (at / (0.5 * size_m)).length_squared().min(1.0);
             height * (1.0 - out).powi(2) * (1.0 + 0.25 * swell.at(Vec3::new(at.x, at.y, 0.0)))
         })
     });
-    let pattern = |column: u32, row: u32| if half_of_pairs([column, row], 7) { FLOWERING } else { BARE };
+    // Grass is dense in the middle and has a border of tufts; flowers are in half of it, where chance has them together.
+    let tufts = Noise { wavelength: 6.0 * side_m, period: [0; 3], seed: 8 };
+    let density = |patch: [u32; 2]| {
+        let at = terrain.middle(patch);
+        let out = (at / (0.5 * EDGE * terrain.size_m)).length();
+        0.3 * tufts.at(Vec3::new(at.x, at.y, 0.4 * tufts.wavelength)) + 0.35 * chance(patch, 7) - out
+    };
+    let densities: Vec<f32> = terrain.all_patches().map(density).collect();
+    let grows = densest(PATCHES * times as usize, &densities);
+    let beds = Noise { wavelength: 9.0 * side_m, period: [0; 3], seed: 14 };
+    let flowering = |(number, patch): (usize, [u32; 2])| {
+        let at = terrain.middle(patch);
+        let bed = beds.at(Vec3::new(at.x, at.y, 0.4 * beds.wavelength));
+        if grows[number] { bed + chance(patch, 9) } else { f32::MIN }
+    };
+    let flowerings: Vec<f32> = terrain.all_patches().enumerate().map(flowering).collect();
+    let flowers = densest(PATCHES * times as usize / 2, &flowerings);
+    let number = |column: u32, row: u32| (row * terrain.patches[0] + column) as usize;
+    let pattern = |column: u32, row: u32| if flowers[number(column, row)] { FLOWERING } else { BARE };
     let texels = terrain.patches.map(|count| count as f32);
-    let skin = terrain.skin(texels, |place| terrain.normal(place) * side_m, pattern)?;
+    let land = terrain.skin(texels, |place| terrain.normal(place) * side_m, pattern)?;
+    let faces = land.faces().iter().zip(&grows).filter(|(_, grows)| **grows).map(|(face, _)| *face);
+    let skin = Skin::new(land.vertices().to_vec(), faces.collect())?;
     let jitter = Jitter {
         noise: Noise { wavelength: TUFT_TEXELS * side_m, period: [0; 3], seed: 3 },
         coordinates: 0.0,
@@ -63,7 +87,7 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let top = terrain.at(Vec2::ZERO);
     let front = terrain.at(Vec2::new(0.0, -0.2 * depth));
     let cameras = [
-        look(Vec3::new(0.5 * depth, 0.75 * depth, 1.3 * depth), 0.35 * top, 36.0),
+        look(Vec3::new(0.3 * depth, 0.27 * depth, 0.85 * depth), 0.7 * top, 36.0),
         look(top + Vec3::new(4.0, 6.5, 17.0) * side_m, top + Vec3::new(0.0, -0.5, 4.0) * side_m, 40.0),
         look(front + Vec3::new(1.0, 2.3, 4.2) * side_m, front + Vec3::new(0.0, 0.8, 0.0) * side_m, 45.0),
     ];

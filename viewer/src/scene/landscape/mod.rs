@@ -44,16 +44,16 @@ use btf_runtime::voltex::{Voltex, Volume};
 pub use counts::LandscapeCounts;
 use glam::{Mat4, Vec3};
 use models::{Land, Models, place_models};
-use planted::{Plant, Planted};
+use planted::{Plant, Planted, Soil};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// How far the texture may lie from where it belongs, voxels: invisible in foliage.
 const TOLERANCE_VOXELS: f32 = 3.0;
-/// When and where the sun stands unless another day is asked for: a summer's afternoon in Berlin.
-const DAY: [&str; 2] = ["2026-06-21T16:30+02:00", "52.52,13.40"];
+/// When and where the sun stands unless another day is asked for: a late afternoon of September in Berlin.
+const DAY: [&str; 2] = ["2026-09-12T17:20+02:00", "52.52,13.40"];
 /// Brightness of the pictures, stops.
-const EXPOSURE_EV: f32 = 1.3;
+const EXPOSURE_EV: f32 = 2.0;
 
 /// Which landscape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -126,7 +126,6 @@ impl Landscape {
             Landscape::Forest => forest::planted(params.times, side_m),
         };
         let Planted { terrain, skin, patterns, soil, cameras, wind, counts } = planted.map_err(made)?;
-        debug_assert_eq!(counts.patches, u64::from(terrain.count()));
         let shell_params = ShellParams { tolerance: TOLERANCE_VOXELS / resolution as f32, ..ShellParams::default() };
         let shell = Shell::new(&skin, &shell_params).map_err(made)?;
         let counts = LandscapeCounts {
@@ -138,7 +137,9 @@ impl Landscape {
             volume_bytes: volumes.iter().map(|volume| 4 * volume.words().len() as u64).sum(),
             ..counts
         };
-        let ground = SceneObject { part: terrain.ground(soil), material: Material::plain(soil) };
+        let Soil { reflectance, noise, unit_m } = soil;
+        let material = Material { uv_scale: [1.0 / unit_m; 2], noise: Some(noise), ..Material::plain(reflectance) };
+        let ground = SceneObject { part: terrain.ground(reflectance), material };
         let land = Land { volumes: &volumes, shell: &shell, patterns: &patterns };
         let Models { meshes: models, shown, leaf_width, stand_ins } =
             place_models(self.name(), &params.meshes, self.plants(), &land)?;
@@ -162,6 +163,7 @@ impl Landscape {
         }
         let daylight = Daylight::new(DAY[0], DAY[1])?;
         let light = daylight.sun_and_sky()?;
+        scene.air_unit_m = Some(1.0);
         scene.stand_outdoors(Outdoors { daylight, parts: DaylightParts::Both }, light);
         let [far, middle, close] = cameras;
         (scene.camera, scene.more_cameras) = (far, vec![middle, close]);
@@ -211,12 +213,12 @@ impl Landscape {
                     self.name()
                 )));
             }
-            match self {
-                Landscape::Grove => {
-                    volumes.extend(grove::TINTS.map(|tint| Arc::new(Voltex::new(&tinted(&volume, tint)))));
-                }
-                _ => volumes.push(Arc::new(Voltex::new(&volume))),
-            }
+            let tints: &[[f32; 3]] = match self {
+                Landscape::Lawn => &[AS_IT_IS],
+                Landscape::Grove => &grove::TINTS,
+                Landscape::Forest => &forest::TINTS,
+            };
+            volumes.extend(tints.iter().map(|tint| Arc::new(Voltex::new(&tinted(&volume, *tint)))));
         }
         Ok((volumes, packed.iter().map(|(_, bytes)| bytes.len() as u64).sum()))
     }

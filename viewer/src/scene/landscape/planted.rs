@@ -2,10 +2,10 @@
 
 use super::counts::LandscapeCounts;
 use super::terrain::Terrain;
-use crate::sampler::hash;
+use crate::sampler::{hash, one};
 use crate::scene::camera::Camera;
 use crate::volume::skin::{DiscreteJitter, Pattern, Skin, Wind};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Branches and leaves of a tree: 2,154 and 6,336.
 pub(super) const TREE_SHAPES: u64 = 2154 + 6336;
@@ -29,6 +29,16 @@ pub(super) struct Plant {
     pub tints: &'static [[f32; 3]],
 }
 
+/// Ground between the plants and beyond them.
+pub(super) struct Soil {
+    /// Diffuse reflectance, linear sRGB.
+    pub reflectance: [f32; 3],
+    /// Factors on it where the ground differs most.
+    pub noise: [f32; 3],
+    /// Size of the widest patches of one colour.
+    pub unit_m: f32,
+}
+
 /// A landscape before it is a scene.
 pub(super) struct Planted {
     /// The land.
@@ -37,8 +47,8 @@ pub(super) struct Planted {
     pub skin: Skin,
     /// Which volumes the texels of the skin show.
     pub patterns: Vec<Pattern>,
-    /// Diffuse reflectance of the ground, linear sRGB.
-    pub soil: [f32; 3],
+    /// What the ground is made of.
+    pub soil: Soil,
     /// Cameras from afar, nearer and from close by.
     pub cameras: [Camera; 3],
     /// A wind of any speed over what grows there.
@@ -47,11 +57,26 @@ pub(super) struct Planted {
     pub counts: LandscapeCounts,
 }
 
-/// Tells whether a patch is the chosen one of its pair: of two neighbours from west to east one is, by chance, so that
-/// exactly half of the patches are where their number of columns is even.
-pub(super) fn half_of_pairs([column, row]: [u32; 2], seed: u32) -> bool {
-    let drawn = hash(hash(hash(seed) ^ (column / 2)) ^ row) >> 16 & 1;
-    column & 1 == drawn
+/// Tells of each place whether something grows there: on the `count` places where what grows is densest, so that there is
+/// exactly as much of it as asked for.
+pub(super) fn densest(count: usize, densities: &[f32]) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..densities.len()).collect();
+    order.sort_by(|a, b| densities[*b].total_cmp(&densities[*a]).then(a.cmp(b)));
+    let mut grows = vec![false; densities.len()];
+    order.iter().take(count).for_each(|place| grows[*place] = true);
+    grows
+}
+
+/// Returns a number of a place by chance, 0 to 1.
+pub(super) fn chance([column, row]: [u32; 2], seed: u32) -> f32 {
+    one(hash(hash(seed) ^ column) ^ row)
+}
+
+/// Returns how dense what grows is at a place, as far as it is the border that thins it: from 0 there to 1 at `width` and
+/// further inside.
+pub(super) fn inland(at: Vec2, size: Vec2, width: f32) -> f32 {
+    let share = ((0.5 * size - at.abs()).min_element() / width).clamp(0.0, 1.0);
+    share * share * (3.0 - 2.0 * share)
 }
 
 /// Returns a camera at `eye` that looks at `target`, upright.

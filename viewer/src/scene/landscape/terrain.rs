@@ -2,14 +2,19 @@
 
 use crate::geometry::geometry::Vertex;
 use crate::scene::mesh::{MeshPart, tangent_of};
-use crate::volume::skin::{Corners, Skin, SkinVertex};
+use crate::volume::skin::{Corners, Noise, Skin, SkinVertex};
 use btf_models::DiffuseColour;
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 /// Each patch of the ground is cut so often along a side: its triangles follow the bilinear patch.
 const CUTS: u32 = 4;
-/// How far the ground goes on beyond the land, in lengths of the land's longer side.
-const BEYOND: f32 = 40.0;
+/// How far the ground goes on beyond the land: nothing is seen through so much air.
+const BEYOND_M: f32 = 40_000.0;
+/// Factor from each line of the ground beyond the land to the next one, in distance from the middle.
+const WIDENING: f32 = 1.12;
+/// Hills beyond the land: how far from its border they are as high as they get, their wavelength and their height.
+const HILLS_M: [[f32; 3]; 3] = [[500.0, 260.0, 12.0], [2_500.0, 1_300.0, 90.0], [12_000.0, 5_000.0, 700.0]];
 /// Over which share of a patch the slope is measured.
 const SLOPE_STEP: f32 = 0.1;
 
@@ -20,7 +25,7 @@ pub(super) struct Terrain {
     /// Patches along both.
     pub patches: [u32; 2],
     /// Height at metres east and north of the middle.
-    pub height_m: Box<dyn Fn(Vec2) -> f32>,
+    pub height_m: Box<dyn Fn(Vec2) -> f32 + Sync>,
 }
 
 impl Terrain {
@@ -30,7 +35,7 @@ impl Terrain {
         patches: [u32; 2],
         patch_m: Vec2,
         times: u32,
-        height_m: impl FnOnce(Vec2) -> Box<dyn Fn(Vec2) -> f32>,
+        height_m: impl FnOnce(Vec2) -> Box<dyn Fn(Vec2) -> f32 + Sync>,
     ) -> Terrain {
         let northwards = (1..=times).filter(|n| times.is_multiple_of(*n) && n * n <= times).max().unwrap_or(1);
         let patches = [patches[0] * (times / northwards), patches[1] * northwards];
@@ -38,14 +43,15 @@ impl Terrain {
         Terrain { size_m, patches, height_m: height_m(size_m) }
     }
 
-    /// Returns how many patches there are.
-    pub fn count(&self) -> u32 {
-        self.patches[0] * self.patches[1]
-    }
-
     /// Returns the place on the land above a point.
     pub fn at(&self, east_north: Vec2) -> Vec3 {
         Vec3::new(east_north.x, (self.height_m)(east_north), -east_north.y)
+    }
+
+    /// Returns the place on the ground, which is that of the patches, above a point.
+    pub fn on_ground(&self, east_north: Vec2) -> Vec3 {
+        let height = self.bilinear_height((east_north / self.size_m + 0.5) * self.patch_counts());
+        Vec3::new(east_north.x, height, -east_north.y)
     }
 
     /// Returns the normal of the land at a point.
@@ -53,6 +59,17 @@ impl Terrain {
         let step = SLOPE_STEP * (self.size_m / self.patch_counts()).min_element();
         let slope = |along: Vec2| self.at(east_north + along * step) - self.at(east_north - along * step);
         slope(Vec2::X).cross(slope(Vec2::Y)).normalize()
+    }
+
+    /// Returns the middle of a patch as metres east and north of the land's middle.
+    pub fn middle(&self, [column, row]: [u32; 2]) -> Vec2 {
+        ((Vec2::new(column as f32, row as f32) + 0.5) / self.patch_counts() - 0.5) * self.size_m
+    }
+
+    /// Returns all patches, by column and row, in the order of their numbers.
+    pub fn all_patches(&self) -> impl Iterator<Item = [u32; 2]> {
+        let [columns, rows] = self.patches;
+        (0..rows).flat_map(move |row| (0..columns).map(move |column| [column, row]))
     }
 
     /// Returns a corner of patches as metres east and north of the middle.
@@ -82,32 +99,64 @@ impl Terrain {
         Skin::from_grid(columns, rows, vertex, pattern)
     }
 
-    /// Makes the ground: the skin's base, and level land around it to the horizon.
+    /// Returns how much higher than its nearest border the land beyond lies at a point: hills that are higher the farther
+    /// away they are. 0 within.
+    fn rise(&self, east_north: Vec2) -> f32 {
+        let beyond_m = (east_north.abs() - 0.5 * self.size_m).max(Vec2::ZERO).length();
+        let mut height = 0.0;
+        for (seed, [full, wavelength, height_m]) in HILLS_M.into_iter().enumerate() {
+            let share = (beyond_m / full).min(1.0);
+            let noise = Noise { wavelength, period: [0; 3], seed: 31 + seed as u32 };
+            let hill = 0.4 + noise.at(Vec3::new(east_north.x, east_north.y, 0.3 * wavelength));
+            height += height_m * share * share * (3.0 - 2.0 * share) * hill.max(0.0);
+        }
+        height
+    }
+
+    /// Makes the ground: the skin's base, and hills around it to the horizon.
     pub fn ground(&self, diffuse: [f32; 3]) -> MeshPart {
-        let [columns, rows] = self.patches.map(|count| CUTS * count + 3);
-        let beyond = BEYOND * self.size_m.max_element();
-        // The first and the last line lie far out, at the border's height.
-        let along = |line: u32, count: u32, size: f32| {
-            let inner = line.saturating_sub(1).min(count - 3);
-            let out = if line == 0 { -beyond } else { beyond * f32::from(line == count - 1) };
-            (inner, (inner as f32 / (count - 3) as f32 - 0.5) * size + out)
+        let inner = self.patches.map(|count| CUTS * count);
+        // Lines beyond the land on each side.
+        let beyond = [0, 1].map(|axis| (2.0 * BEYOND_M / self.size_m[axis]).log(WIDENING).ceil().max(1.0) as u32);
+        let lines = [0, 1].map(|axis| inner[axis] + 1 + 2 * beyond[axis]);
+        // The line of the land that is nearest, and the place of the line along the axis.
+        let along = |line: u32, axis: usize| {
+            let within = line.clamp(beyond[axis], beyond[axis] + inner[axis]) - beyond[axis];
+            let out = line.abs_diff(beyond[axis] + within);
+            let place = (within as f32 / inner[axis] as f32 - 0.5) * self.size_m[axis];
+            (within, place * WIDENING.powi(out as i32))
+        };
+        let at = |column: u32, row: u32| {
+            let ((x, east), (y, north)) = (along(column, 0), along(row, 1));
+            Vec3::new(
+                east,
+                self.bilinear_height(Vec2::new(x as f32, y as f32) / CUTS as f32) + self.rise(Vec2::new(east, north)),
+                -north,
+            )
         };
         let vertex = |column: u32, row: u32| {
-            let (x, east) = along(column, columns, self.size_m.x);
-            let (y, north) = along(row, rows, self.size_m.y);
-            let height = self.bilinear_height(x, y);
-            let normal =
-                self.normal((Vec2::new(x as f32, y as f32) / CUTS as f32 / self.patch_counts() - 0.5) * self.size_m);
+            let (x, y) = (along(column, 0).0, along(row, 1).0);
+            let position = at(column, row);
+            let is_within = |axis: usize, line: u32| (beyond[axis]..=beyond[axis] + inner[axis]).contains(&line);
+            let normal = if is_within(0, column) && is_within(1, row) {
+                self.normal((Vec2::new(x as f32, y as f32) / CUTS as f32 / self.patch_counts() - 0.5) * self.size_m)
+            } else {
+                let [left, right] = [column.max(1) - 1, (column + 1).min(lines[0] - 1)].map(|column| at(column, row));
+                let [south, north] = [row.max(1) - 1, (row + 1).min(lines[1] - 1)].map(|row| at(column, row));
+                (right - left).cross(north - south).normalize()
+            };
             Vertex {
-                position: [east, height, -north],
-                u: east,
+                position: position.to_array(),
+                u: position.x,
                 normal: normal.to_array(),
-                v: north,
+                v: -position.z,
                 tangent: tangent_of(normal, Vec3::X, 1.0),
             }
         };
-        let vertices = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
-        let vertices = vertices.map(|(column, row)| vertex(column, row)).collect();
+        let [columns, rows] = lines;
+        let vertices =
+            (0..rows).into_par_iter().flat_map_iter(|row| (0..columns).map(move |column| vertex(column, row)));
+        let vertices = vertices.collect();
         let triangles = (0..rows - 1).flat_map(|row| (0..columns - 1).map(move |column| row * columns + column));
         let triangles = triangles.flat_map(|first| {
             let [a, b, c, d] = [first, first + 1, first + columns + 1, first + columns];
@@ -117,7 +166,7 @@ impl Terrain {
             name: "ground".into(),
             group: 0,
             colour: DiffuseColour::opaque(diffuse),
-            has_uv: false,
+            has_uv: true,
             vertices,
             triangles: triangles.collect(),
         }
@@ -127,24 +176,16 @@ impl Terrain {
         Vec2::from(self.patches.map(|count| count as f32))
     }
 
-    /// Returns the height of the bilinear patches at a line of the ground's cuts.
-    fn bilinear_height(&self, x: u32, y: u32) -> f32 {
-        let [column, row] = [(x / CUTS).min(self.patches[0] - 1), (y / CUTS).min(self.patches[1] - 1)];
-        let [s, t] = [(x - CUTS * column) as f32 / CUTS as f32, (y - CUTS * row) as f32 / CUTS as f32];
+    /// Returns the height of the bilinear patches at a place in patches from the land's south-western corner.
+    fn bilinear_height(&self, place: Vec2) -> f32 {
+        let last = self.patch_counts() - 1.0;
+        let patch = place.floor().clamp(Vec2::ZERO, last);
+        let [column, row] = patch.to_array().map(|x| x as u32);
+        let Vec2 { x: s, y: t } = place - patch;
         let height = |column: u32, row: u32| (self.height_m)(self.corner(column, row));
         let across = |row: u32| height(column, row) * (1.0 - s) + height(column + 1, row) * s;
         across(row) * (1.0 - t) + across(row + 1) * t
     }
-}
-
-/// Returns how many texels a skin covers: the area of its faces in the texture, which jitter within the skin does not
-/// change.
-pub(super) fn texels_of(skin: &Skin) -> f64 {
-    let area = |corners: &[u32]| -> f64 {
-        let place = |i: usize| skin.vertices()[corners[i % corners.len()] as usize].texture.truncate().as_dvec2();
-        (0..corners.len()).map(|i| 0.5 * place(i).perp_dot(place(i + 1))).sum()
-    };
-    skin.faces().iter().map(|face| area(face.corners.indices())).sum()
 }
 
 /// Puts the texture of what lies at the border of a grid back to where it was before jitter moved it, so that whole

@@ -1,4 +1,4 @@
-use super::planted::half_of_pairs;
+use super::planted::densest;
 use super::*;
 use crate::cpu::picture::CpuPicture;
 use crate::geometry::bvh::AnyHit;
@@ -28,10 +28,10 @@ fn counts_are_the_published_ones_and_ten_times_them() {
 }
 
 #[test]
-fn of_two_neighbours_one_is_chosen() {
-    let chosen = |row| (0..40).filter(|column| half_of_pairs([*column, row], 7)).collect::<Vec<u32>>();
-    assert!((0..35).all(|row| chosen(row).len() == 20));
-    assert_ne!(chosen(0), chosen(1));
+fn what_grows_is_where_it_is_densest_and_as_much_as_asked_for() {
+    assert_eq!(densest(2, &[0.5, 0.7, 0.5, f32::MIN]), [true, true, false, false]);
+    assert_eq!(densest(5, &[0.5, 0.1]), [true, true]);
+    assert_eq!(densest(0, &[0.5]), [false]);
 }
 
 #[test]

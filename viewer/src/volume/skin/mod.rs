@@ -32,7 +32,7 @@ pub use cell::{CellSpan, CellWalk};
 pub use height_noise::Noise;
 pub use jitter::Jitter;
 pub use layers::LayerSpan;
-pub use pattern::{DiscreteJitter, MAX_MERGED, Merged, NO_VOLUME, Pattern, Variant, pattern_words};
+pub use pattern::{CellMap, DiscreteJitter, MAX_MERGED, Merged, NO_VOLUME, Pattern, Variant, pattern_words};
 pub(crate) use place::{SkinPlace, TetPoint};
 pub use refine::ShellParams;
 pub use shell::{NO_LINK, Shell, ShellReport, Tet};

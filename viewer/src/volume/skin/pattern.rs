@@ -4,13 +4,14 @@
 use super::cell::{cell_hash, cell_share};
 use super::walk::TextureRay;
 use glam::Vec3;
+use std::sync::Arc;
 
 /// Volumes that a pattern merges at most.
 pub const MAX_MERGED: usize = 4;
 /// The end of a list of merged volumes.
 pub const NO_VOLUME: u32 = u32::MAX;
 /// Words of a pattern before its volumes. Twin: `PATTERN_WORDS`.
-const PATTERN_WORDS: usize = 8;
+const PATTERN_WORDS: usize = 11;
 /// Bits of a pattern's flags. Twins: `PATTERN_TURNS`, `PATTERN_MIRRORS`.
 const PATTERN_TURNS: u32 = 1;
 /// See [`PATTERN_TURNS`].
@@ -73,6 +74,26 @@ pub struct Pattern {
     pub jitter: Option<DiscreteJitter>,
     /// Which chances.
     pub seed: u32,
+    /// What single texels hold; `None` where chance decides.
+    pub cells: Option<Arc<CellMap>>,
+}
+
+/// What the texels of a rectangle hold. Those around it are empty.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CellMap {
+    /// Texels along u and along v, from (0, 0).
+    pub size: [u32; 2],
+    /// For each texel, row by row, 0 where it is empty, or 1 and the number of its alternative.
+    pub content: Vec<u8>,
+}
+
+impl CellMap {
+    /// Returns 0 where texel (i, j) is empty, or 1 and the number of its alternative. Twin: `pattern_cell_content`.
+    fn cell_content(&self, cell: [i32; 2]) -> u32 {
+        let [i, j] = cell.map(|x| x as u32);
+        let [width, height] = self.size;
+        if i >= width || j >= height { 0 } else { self.content[(j * width + i) as usize].into() }
+    }
 }
 
 /// The content of one texel, and its place.
@@ -93,7 +114,7 @@ pub struct Variant {
 impl Pattern {
     /// Returns a pattern of one volume that continues itself from texel to texel.
     pub fn cyclic(volume: u32) -> Pattern {
-        Pattern { alternatives: vec![merged(&[volume])], jitter: None, seed: 0 }
+        Pattern { alternatives: vec![merged(&[volume])], jitter: None, seed: 0, cells: None }
     }
 
     /// Returns a pattern of one isolated object.
@@ -108,6 +129,14 @@ impl Pattern {
     pub fn check(&self) -> Result<(), String> {
         if self.alternatives.is_empty() || self.alternatives.iter().any(|volumes| volumes[0] == NO_VOLUME) {
             return Err("a pattern without a volume, give each alternative one at least".into());
+        }
+        if let Some(CellMap { size: [width, height], content }) = self.cells.as_deref() {
+            if content.len() as u64 != u64::from(*width) * u64::from(*height) {
+                return Err(format!("a pattern's map has {} texels in place of {width} x {height}", content.len()));
+            }
+            if content.iter().any(|content| usize::from(*content) > self.alternatives.len()) {
+                return Err("a pattern's map names an alternative that the pattern does not have".into());
+            }
         }
         let Some(jitter) = self.jitter else { return Ok(()) };
         let [least, most] = jitter.scale;
@@ -136,6 +165,10 @@ impl Pattern {
             return None;
         }
         let among = |draw: u32, count: u32| among(hashed, draw, count);
+        let mut alternative = among(ALTERNATIVE, self.alternatives.len() as u32);
+        if let Some(cells) = &self.cells {
+            alternative = cells.cell_content(cell).checked_sub(1)?;
+        }
         let scale = jitter.scale[0] + (jitter.scale[1] - jitter.scale[0]) * share(SCALE);
         // From the middle to the content's sides; what is left of half a texel is free.
         let free = (0.5 - scale * (0.5 - jitter.margin)).max(0.0);
@@ -148,7 +181,7 @@ impl Pattern {
         let rows = [[cos * inverse * mirrored, -sin * inverse], [sin * inverse * mirrored, cos * inverse]];
         let middle = shift.map(|shift| 0.5 + shift);
         Some(Variant {
-            alternative: among(ALTERNATIVE, self.alternatives.len() as u32),
+            alternative,
             cell,
             rows,
             offset: rows.map(|[x, y]| 0.5 - (x * middle[0] + y * middle[1])),
@@ -220,9 +253,22 @@ pub fn pattern_words(patterns: &[Pattern]) -> Vec<u32> {
             jitter.margin.to_bits(),
             flag(jitter.turns, PATTERN_TURNS) | flag(jitter.mirrors, PATTERN_MIRRORS),
             pattern.alternatives.len() as u32,
+            pattern
+                .cells
+                .as_ref()
+                .map_or(0, |_| (words.len() + PATTERN_WORDS + MAX_MERGED * pattern.alternatives.len()) as u32),
+            pattern.cells.as_ref().map_or(0, |cells| cells.size[0]),
+            pattern.cells.as_ref().map_or(0, |cells| cells.size[1]),
         ];
         words.extend(numbers);
         words.extend(pattern.alternatives.as_flattened());
+        // Four texels a word.
+        let content = pattern.cells.as_deref().map_or(&[][..], |cells| &cells.content);
+        words.extend(
+            content
+                .chunks(4)
+                .map(|four| (0..4).fold(0, |word, i| word | u32::from(four.get(i).copied().unwrap_or(0)) << (8 * i))),
+        );
     }
     words
 }
@@ -233,6 +279,8 @@ mod tests {
 
     const WILD: DiscreteJitter =
         DiscreteJitter { empty: 0.25, scale: [0.5, 0.9], displacement: 0.5, margin: 0.1, turns: true, mirrors: true };
+
+    const WILD_BUT_FULL: DiscreteJitter = DiscreteJitter { empty: 0.0, ..WILD };
 
     fn cells() -> impl Iterator<Item = [i32; 2]> {
         (-60..60).flat_map(|i| (-60..60).map(move |j| [i, j]))
@@ -301,6 +349,27 @@ mod tests {
             moved += usize::from(variant.offset != [0.0; 2]);
         }
         assert!(moved > 1000);
+    }
+
+    #[test]
+    fn a_map_says_what_its_texels_hold_and_the_others_are_empty() {
+        let map = CellMap { size: [3, 2], content: vec![0, 1, 2, 2, 0, 1] };
+        let alternatives = vec![merged(&[4]), merged(&[5])];
+        let pattern = |content| Pattern {
+            alternatives: alternatives.clone(),
+            cells: Some(Arc::new(CellMap { content, ..map })),
+            ..Pattern::isolated(0, WILD_BUT_FULL, 3)
+        };
+        let mapped = pattern(map.content.clone());
+        assert_eq!(mapped.check(), Ok(()));
+        let held: Vec<_> =
+            (-1..3).flat_map(|j| (-1..4).map(move |i| [i, j])).map(|cell| mapped.variant(cell)).collect();
+        let held: Vec<_> =
+            held.iter().map(|variant| variant.map_or(-1, |variant| variant.alternative as i32)).collect();
+        let rows = [[-1; 5], [-1, -1, 0, 1, -1], [-1, 1, -1, 0, -1], [-1; 5]];
+        assert_eq!(held, rows.concat());
+        assert!(pattern(vec![0, 1, 2, 2, 0]).check().unwrap_err().contains("3 x 2"));
+        assert!(pattern(vec![0, 1, 2, 3, 0, 1]).check().unwrap_err().contains("alternative"));
     }
 
     #[test]

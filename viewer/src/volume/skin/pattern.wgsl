@@ -1,6 +1,6 @@
 // What is in a texel, and where. Twin: pattern.rs. `patterns` is the first of the words of pattern_words.
 
-const PATTERN_WORDS: u32 = 8u;
+const PATTERN_WORDS: u32 = 11u;
 const PATTERN_TURNS: u32 = 1u;
 const PATTERN_MIRRORS: u32 = 2u;
 const MAX_MERGED: u32 = 4u;
@@ -23,6 +23,17 @@ struct PatternVariant {
     volumes: u32,
 }
 
+// Returns 0 where a texel of the pattern at `at` is empty by its map, or 1 and the number of its alternative.
+fn pattern_cell_content(patterns: u32, at: u32, cell: vec2<i32>) -> u32 {
+    let size = vec2<u32>(asset_word(at + 9u), asset_word(at + 10u));
+    let place = vec2<u32>(cell);
+    if any(place >= size) {
+        return 0u;
+    }
+    let number = place.y * size.x + place.x;
+    return (asset_word(patterns + asset_word(at + 8u) + number / 4u) >> (8u * (number % 4u))) & 255u;
+}
+
 // Returns what is in a texel of pattern `number`.
 fn pattern_variant(patterns: u32, number: u32, cell: vec2<i32>) -> PatternVariant {
     let at = patterns + asset_word(patterns + 1u + number);
@@ -30,6 +41,14 @@ fn pattern_variant(patterns: u32, number: u32, cell: vec2<i32>) -> PatternVarian
     var variant: PatternVariant;
     if cell_share(hashed, DRAW_EMPTY) < shell_float(at + 1u) {
         return variant;
+    }
+    variant.alternative = pattern_among(hashed, DRAW_ALTERNATIVE, asset_word(at + 7u));
+    if asset_word(at + 8u) > 0u {
+        let content = pattern_cell_content(patterns, at, cell);
+        if content == 0u {
+            return variant;
+        }
+        variant.alternative = content - 1u;
     }
     let least = shell_float(at + 2u);
     let scale = least + (shell_float(at + 3u) - least) * cell_share(hashed, DRAW_SCALE);
@@ -54,7 +73,6 @@ fn pattern_variant(patterns: u32, number: u32, cell: vec2<i32>) -> PatternVarian
     variant.offset = 0.5 - vec2<f32>(dot(variant.x, middle), dot(variant.y, middle));
     variant.cell = cell;
     variant.upright = inverse;
-    variant.alternative = pattern_among(hashed, DRAW_ALTERNATIVE, asset_word(at + 7u));
     variant.volumes = at + PATTERN_WORDS + MAX_MERGED * variant.alternative;
     return variant;
 }
