@@ -52,6 +52,13 @@ pub fn run_checked(command: &mut Command) -> Result<(), Failure> {
     }
 }
 
+/// Builds the three programs in a profile of cargo's. All of the workspace is chosen, so that what they use has the features that it has
+/// in the tests, and is not compiled once more for each of them.
+pub fn build_programs(profile: &str) -> Result<(), Failure> {
+    let programs = ["btf-view", "btf-fit", "btf-synth"].into_iter().flat_map(|program| ["--bin", program]);
+    run_checked(cargo(&["build", "--quiet", "--workspace", "--profile", profile]).args(programs))
+}
+
 /// Runs a program while its output is passed on line by line, and returns that output, both streams together.
 pub fn run_and_read(command: &mut Command) -> Result<(ExitStatus, String), Failure> {
     println!("$ {}", line_of(command));

@@ -6,7 +6,7 @@ use super::python_module::{self, Build};
 use crate::counts::{Counts, from_unittest};
 use crate::failure::Failure;
 use crate::files::{copy, copy_folder, failed, files_of, make_empty};
-use crate::shell::{cargo, root, run_and_read, run_checked};
+use crate::shell::{build_programs, root, run_and_read, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -18,8 +18,7 @@ const NOT_PACKED: [&str; 4] = ["tests", "examples", "README.md", "__pycache__"];
 const LICENCES: [&str; 3] = ["LICENSE-MIT", "LICENSE-APACHE", "NOTICE"];
 /// Blender's tool for extensions, within the module `bpy`.
 const PACKER: &str = "scripts/addons_core/bl_pkg/cli/blender_ext.py";
-/// The programs that the add-on calls, with their packages; the last one only the tests.
-const PROGRAMS: [(&str, &str); 3] = [("btf-viewer", "btf-view"), ("btf-fit", "btf-fit"), ("btf-synth", "btf-synth")];
+/// The programs that are packed: those that the add-on calls.
 const PACKED_PROGRAMS: [&str; 2] = ["btf-view", "btf-fit"];
 
 const BLENDER: Environment = Environment {
@@ -58,7 +57,7 @@ pub fn build(target: &Path, kind: Build) -> Result<PathBuf, Failure> {
         copy(&root().join(name), &stage.join(name))?;
     }
     copy_folder(&python_module::wheels(target), &stage.join("wheels"))?;
-    build_programs(kind)?;
+    build_programs(kind.profile())?;
     if let Build::Release = kind {
         std::fs::create_dir_all(stage.join("bin")).map_err(|error| failed(&stage, &error))?;
         for name in PACKED_PROGRAMS.map(program_file) {
@@ -92,15 +91,6 @@ pub fn test(target: &Path, extension: &Path, kind: Build) -> Result<Counts, Fail
         Some(counts) if counts.passed > 0 && status.success() == (counts.failed == 0) => Ok(counts),
         _ => Err(Failure::new(format!("the add-on's tests did not run: see {ADDON}/tests"))),
     }
-}
-
-/// Builds the programs in a profile.
-fn build_programs(kind: Build) -> Result<(), Failure> {
-    for (package, program) in PROGRAMS {
-        let build = ["build", "--quiet", "--package", package, "--bin", program, "--profile", kind.profile()];
-        run_checked(&mut cargo(&build))?;
-    }
-    Ok(())
 }
 
 /// Returns the folder of the programs.

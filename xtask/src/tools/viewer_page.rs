@@ -5,7 +5,7 @@ use super::{browser, wasm, wasm_bindgen};
 use crate::counts::{Counts, from_tap};
 use crate::failure::Failure;
 use crate::files::{copy, copy_folder, failed, files_of};
-use crate::shell::{cargo, root, run_and_read, run_checked};
+use crate::shell::{build_programs, root, run_and_read, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -57,10 +57,7 @@ pub fn publish(page: &Path, folder: &Path) -> Result<(), Failure> {
 /// Runs the tests of the page and of the package `btf-runtime` for three.js in a browser; pictures are compared with those of
 /// btf-view in this profile.
 pub fn test(target: &Path, page: &Path, package: &Path, profile: &str) -> Result<Counts, Failure> {
-    for (package, program) in [("btf-viewer", "btf-view"), ("btf-fit", "btf-fit"), ("btf-synth", "btf-synth")] {
-        let build = ["build", "--quiet", "--package", package, "--bin", program, "--profile", profile];
-        run_checked(&mut cargo(&build))?;
-    }
+    build_programs(profile)?;
     let binaries = target.join(if profile == "dev" { "debug" } else { profile });
     let pictures = target.join("web/pictures");
     std::fs::create_dir_all(&pictures).map_err(|error| failed(&pictures, &error))?;

@@ -14,6 +14,9 @@ const TARGET: &str = "wasm32-unknown-unknown";
 const FEATURES: &str = "-C target-feature=+simd128";
 /// The suite of Debian that has the sources of recent releases of Rust.
 const SUITE: &str = "trixie-backports";
+/// The folder below the target folder in which packages are compiled. Build scripts tell compilers of nightly features from others, so in
+/// a folder that both use, everything would be compiled anew whenever one follows the other.
+const FOLDER: &str = "wasm";
 /// The folder of the sources below the target folder.
 const SOURCES: &str = "peers/rust-src";
 
@@ -49,9 +52,10 @@ pub fn ensure(target: &Path) -> Result<String, Failure> {
 /// Compiles a package to WebAssembly in a profile of cargo's, and returns the file.
 pub fn build(target: &Path, package: &str, file: &str, profile: &str) -> Result<PathBuf, Failure> {
     let library = library(target).ok_or_else(|| Failure::new("the standard library is missing"))?;
+    let own = target.join(FOLDER);
     let mut command = cargo(&["build", "--package", package, "--profile", profile, "--target", TARGET]);
     // Flags of the user's are for the user's own machine.
-    command.env("RUSTFLAGS", FEATURES).arg("--target-dir").arg(target);
+    command.env("RUSTFLAGS", FEATURES).arg("--target-dir").arg(&own);
     if library != Library::Installed {
         command.arg("-Zbuild-std=std,panic_abort").env("RUSTC_BOOTSTRAP", "1");
     }
@@ -60,7 +64,7 @@ pub fn build(target: &Path, package: &str, file: &str, profile: &str) -> Result<
     }
     run_checked(&mut command)?;
     let folder = if profile == "dev" { "debug" } else { profile };
-    Ok(target.join(TARGET).join(folder).join(file))
+    Ok(own.join(TARGET).join(folder).join(file))
 }
 
 fn library(target: &Path) -> Option<Library> {
