@@ -20,7 +20,7 @@ impl Shader<'_> {
     /// Returns the share of light that passes the air of `t` along a path's ray. All passes where there is no air, and on
     /// the ways between surfaces, which are short.
     pub(crate) fn air_passed(&self, path: &Path, t: f32) -> Vec3 {
-        if path.scattered || self.scene.air[1] <= 0.0 { Vec3::ONE } else { (-Vec3::from(self.scene.air) * t).exp() }
+        if path.scattered || self.scene.air == [0.0; 3] { Vec3::ONE } else { (-Vec3::from(self.scene.air) * t).exp() }
     }
 
     /// Returns the radiance that the air would have along a ray without an end.

@@ -7,7 +7,7 @@ const HORIZON_SINE: f32 = 0.0122715;
 // Returns the share of light that passes the air of `t` along a path's ray. All passes where there is no air, and on the
 // ways between surfaces, which are short.
 fn air_passed(path: Path, t: f32) -> vec3<f32> {
-    if (path.instance & SCATTERED) != 0u || frame.air.y <= 0.0 {
+    if (path.instance & SCATTERED) != 0u || most(frame.air) <= 0.0 {
         return vec3<f32>(1.0);
     }
     return exp(-frame.air * t);

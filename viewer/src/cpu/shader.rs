@@ -174,7 +174,7 @@ impl Shader<'_> {
         (s, relief)
     }
 
-    /// Returns the level of the material's asset or leaf whose texels are about as large as what a ray stands for on the
+    /// Returns the level of the material's asset, leaf or noise whose texels are about as large as what a ray stands for on the
     /// surface, `travelled` from the eye: first all that a pixel sees, and less with every further ray of the pixel.
     pub(crate) fn level_of(&self, s: &Surface, material: &Material, travelled: f32, seed: u32) -> u32 {
         if !self.options.uses_levels() {

@@ -155,7 +155,7 @@ fn surface_of(path: Path, relief: ptr<function, Relief>, point: ptr<function, ve
     return s;
 }
 
-// Returns the level of the material's asset or leaf whose texels are about as large as what a ray stands for on the
+// Returns the level of the material's asset, leaf or noise whose texels are about as large as what a ray stands for on the
 // surface, `travelled` from the eye: first all that a pixel sees, and less with every further ray of the pixel.
 fn level_of(s: Surface, material: Material, travelled: f32, seed: u32) -> u32 {
     if frame.levels == 0u || (material.asset == NO_ASSET && material.leaf == NO_ASSET && material.noise == 0u) {

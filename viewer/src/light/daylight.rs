@@ -249,6 +249,8 @@ mod tests {
         let aerosol = 0.04608 * 2.0 * 0.55f32.powf(-1.3) / 1200.0;
         assert!(((hazy[1] - clean[1]) / aerosol - 1.0).abs() < 0.05, "{hazy:?} {aerosol}");
         assert!(hazy[0] < hazy[1] && hazy[1] < hazy[2]);
+        // What docs/reference/model.md says.
+        assert!((2f32.ln() / hazy[1] - 3_800.0).abs() < 50.0, "{hazy:?}");
     }
 
     /// Irradiance of the level by the sky, green.

@@ -210,7 +210,8 @@ impl SceneMesh {
 }
 
 impl Scene {
-    /// Returns width and height in texels of what a material shows, at its finest level; `None` where it is plain.
+    /// Returns width and height in texels of what a material shows, at its finest level; `None` where it is
+    /// of one colour.
     pub(crate) fn texels_of(&self, material: &Material) -> Option<[f32; 2]> {
         let size = match material.body {
             Body::Plain(_) => material.noise.map(|_| [1 << NOISE_OCTAVES; 2])?,

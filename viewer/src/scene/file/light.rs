@@ -105,13 +105,16 @@ impl DaylightEntry {
     /// Puts the scene, of which a unit is `unit_m` metres long, under sun and sky.
     ///
     /// # Errors
-    /// [`ViewerError::Scene`] for a moment, a place or an air that is none.
+    /// [`ViewerError::Scene`] for a moment, a place or an air that is none, and for air without a length of a unit.
     pub(super) fn put_into(&self, scene: &mut Scene, unit_m: f32, source: Source) -> Result<(), ViewerError> {
         let wrong = |error: ViewerError| source.fault(error.to_string());
         let mut daylight = Daylight::new(&self.date_time, &self.place).map_err(wrong)?;
         daylight.turbidity = self.turbidity.unwrap_or(daylight.turbidity);
         daylight.ground_albedo = self.ground_albedo.unwrap_or(daylight.ground_albedo);
         let light = daylight.sun_and_sky().map_err(wrong)?;
+        if self.air && !(unit_m.is_finite() && unit_m > 0.0) {
+            return Err(source.fault("[daylight] has air, for which a unit needs a length: give a unit_mm above 0"));
+        }
         scene.air_unit_m = self.air.then_some(unit_m);
         scene.stand_outdoors(Outdoors { daylight, parts: self.parts }, light);
         Ok(())

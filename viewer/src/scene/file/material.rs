@@ -157,10 +157,17 @@ impl MaterialEntry {
                 )));
             }
         }
-        let within = self.noise.iter().flatten().all(|factor| (0.0..=2.0).contains(factor));
-        if !within || (self.noise.is_some() && self.diffuse.is_none()) {
-            return Err(source
-                .fault(format!("material '{}' has noise, which needs diffuse beside it and is 0 to 2", self.name)));
+        if let Some(noise) = self.noise {
+            let passed = self.transmitted.unwrap_or_default();
+            let fits = |c: usize, diffuse: [f32; 3]| {
+                (0.0..=2.0).contains(&noise[c]) && (0.0..=1.0).contains(&(diffuse[c] * noise[c] + passed[c]))
+            };
+            if !self.diffuse.is_some_and(|diffuse| (0..3).all(|c| fits(c, diffuse))) {
+                return Err(source.fault(format!(
+                    "material '{}' has noise, which needs diffuse beside it; it is 0 to 2, and diffuse times noise at most 1",
+                    self.name
+                )));
+            }
         }
         if !(material.displacement.is_finite() && material.displacement >= 0.0) {
             return Err(source.fault(format!("material '{}' needs a displacement of at least 0", self.name)));

@@ -12,6 +12,7 @@ fn load(text: &str) -> Result<Scene, ViewerError> {
 }
 
 const GREY: &str = "[[material]]\nname = \"grey\"\ndiffuse = [0.5, 0.5, 0.5]\n";
+const DAY: &str = "[daylight]\ndate_time = \"2026-06-21T12:00+02:00\"\nplace = \"52.5,13.4\"\n";
 
 #[test]
 fn a_physical_material_has_its_size_on_any_mesh() {
@@ -136,6 +137,11 @@ fn wrong_scenes_are_refused_with_a_sentence_that_names_the_file() {
         format!("[[material]]\nname = \"a\"\nasset = 0\n{object}"),
         format!("{GREY}transmitted = [0.6, 0.2, 0.2]\n{object}"),
         format!("[[material]]\nname = \"a\"\nmirror = [1, 1, 1]\ntransmitted = [0.1, 0.1, 0.1]\n{object}"),
+        format!("{GREY}noise = [2.1, 1, 1]\n{object}"),
+        format!("{GREY}noise = [1, -0.1, 1]\n{object}"),
+        format!("[[material]]\nname = \"a\"\nmirror = [1, 1, 1]\nnoise = [1, 1, 1]\n{object}"),
+        format!("[[material]]\nname = \"a\"\ndiffuse = [0.6, 0.6, 0.6]\nnoise = [1, 1, 1.8]\n{object}"),
+        format!("unit_mm = 0\n{object}{DAY}air = true\n"),
         format!("{object}scale = [1, 0, 1]\n"),
         format!("{object}parts = {{ lace = \"grey\" }}\n"),
         format!("{object}[camera]\neye = [0, 0, 0]\ntarget = [0, 0, 0]\n"),
@@ -144,6 +150,22 @@ fn wrong_scenes_are_refused_with_a_sentence_that_names_the_file() {
     for text in bad {
         let message = load(&text).unwrap_err().to_string();
         assert!(message.contains("scene.toml: ") && !message.contains('\n'), "{message}");
+    }
+}
+
+#[test]
+fn air_is_that_of_the_day_and_ground_is_uneven_where_a_scene_asks_for_it() {
+    let object = "[[object]]\nmesh = \"plane\"\nmaterial = \"grey\"\n";
+    let [without, in_m, in_km] = [
+        format!("{GREY}{object}{DAY}"),
+        format!("{GREY}noise = [1.5, 1, 0]\n{object}{DAY}air = true\n"),
+        format!("unit_mm = 1e6\n{GREY}{object}{DAY}air = true\n"),
+    ]
+    .map(|text| load(&text).unwrap());
+    assert_eq!((without.air, without.materials[0].noise), ([0.0; 3], None));
+    assert_eq!(in_m.materials[0].noise, Some([1.5, 1.0, 0.0]));
+    for c in 0..3 {
+        assert!(in_m.air[c] > 1e-5 && (in_km.air[c] / in_m.air[c] - 1000.0).abs() < 0.1, "{:?}", in_m.air);
     }
 }
 

@@ -7,8 +7,8 @@ use super::counts::LandscapeCounts;
 use super::planted::{
     Plant, Planted, Soil, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, chance, densest, inland, look,
 };
-use super::terrain::{Terrain, with_border_of};
-use crate::volume::skin::{CellMap, Jitter, NO_VOLUME, Noise, Pattern, Wind};
+use super::terrain::{Terrain, over_land, with_border_of};
+use crate::volume::skin::{CellMap, Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -71,7 +71,7 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let cells = grown(&terrain, times, side_m);
     // Smaller where it is high.
     let height = |at: Vec2| Vec3::Y * side_m * (1.0 - STUNTED * share_of_peak(&terrain, at, side_m).min(1.0));
-    let rest = terrain.skin(cells.size.map(|count| count as f32), height, |_, _| 0)?;
+    let rest = terrain.skin(cells.size.map(|count| count as f32), height, |_| Some(0))?;
     let jitter = Jitter {
         noise: Noise { wavelength: 6.1 * side_m, period: [0; 3], seed: 4 },
         coordinates: 2.0,
@@ -99,8 +99,8 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
         look(clearing, clearing + Vec3::new(9.0, 1.9, -5.0) * side_m, 60.0),
     ];
     let wind = Wind { leaning_speed_m_per_s: TREE_LEANING_M_PER_S, flutter: TREE_FLUTTER, ..Wind::default() };
-    let alternatives = (0..TINTS.len() as u32).map(|volume| [volume, NO_VOLUME, NO_VOLUME, NO_VOLUME]).collect();
-    let pattern = Pattern { alternatives, cells: Some(Arc::new(cells)), ..Pattern::isolated(0, TURNED, 3) };
+    let pattern =
+        Pattern { cells: Some(Arc::new(cells)), ..Pattern::isolated(0, TURNED, 3).one_of(TINTS.len() as u32) };
     Ok(Planted { terrain, skin, patterns: vec![pattern], soil: SOIL, cameras, wind, counts })
 }
 
@@ -114,7 +114,6 @@ fn share_of_peak(terrain: &Terrain, at: Vec2, side_m: f32) -> f32 {
 fn grown(terrain: &Terrain, times: u32, side_m: f32) -> CellMap {
     let size = [0, 1].map(|axis| TEXELS_OF_PATCH[axis] * terrain.patches[axis]);
     let groups = Noise { wavelength: GROUP_TEXELS * side_m, period: [0; 3], seed: 17 };
-    let group = |at: Vec2| groups.at(Vec3::new(at.x, at.y, 0.4 * groups.wavelength));
     let [east, north, radius] = CLEARING_TEXELS.map(|texels| texels * side_m);
     let clearing = Vec2::new(east, north - 0.5 * terrain.size_m.y);
     let texels: Vec<([u32; 2], Vec2)> = (0..size[1])
@@ -127,14 +126,17 @@ fn grown(terrain: &Terrain, times: u32, side_m: f32) -> CellMap {
     let density = |(texel, at): &([u32; 2], Vec2)| {
         let height = share_of_peak(terrain, *at, side_m);
         let cleared = 1.0 - (((*at - clearing).length() / radius - 0.8) / 0.4).clamp(0.0, 1.0);
-        1.6 * inland(*at, terrain.size_m, BORDER_TEXELS * side_m) + 0.7 * group(*at) + 0.5 * chance(*texel, 3)
+        1.6 * inland(*at, terrain.size_m, BORDER_TEXELS * side_m)
+            + 0.7 * over_land(&groups, *at)
+            + 0.5 * chance(*texel, 3)
             - 1.5 * (height - TREE_LINE).max(0.0)
             - 3.0 * cleared
     };
     let densities: Vec<f32> = texels.par_iter().map(density).collect();
     let grows = densest(TEXELS * times as usize, &densities);
     let species = |(texel, at): &([u32; 2], Vec2)| {
-        let height = share_of_peak(terrain, *at, side_m) + 0.25 * group(*at) + 0.3 * (chance(*texel, 5) - 0.5);
+        let height =
+            share_of_peak(terrain, *at, side_m) + 0.25 * over_land(&groups, *at) + 0.3 * (chance(*texel, 5) - 0.5);
         let steep = 1.0 - terrain.normal(*at).y;
         match (height > UPPER, steep + 0.25 * (chance(*texel, 8) - 0.5) > 0.22) {
             (_, true) => 2,

@@ -2,8 +2,8 @@
 
 use super::counts::LandscapeCounts;
 use super::planted::{Planted, Soil, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, chance, densest, inland, look};
-use super::terrain::Terrain;
-use crate::volume::skin::{DiscreteJitter, NO_VOLUME, Noise, Pattern, Wind};
+use super::terrain::{Terrain, over_land};
+use crate::volume::skin::{DiscreteJitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
 /// Patches from west to east and from south to north.
@@ -33,21 +33,19 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let groups = Noise { wavelength: GROUP_PATCHES * side_m, period: [0; 3], seed: 6 };
     let density = |patch: [u32; 2]| {
         let at = terrain.middle(patch);
-        let group = groups.at(Vec3::new(at.x, at.y, 0.4 * groups.wavelength));
-        0.9 * inland(at, terrain.size_m, BORDER_PATCHES * side_m) + 0.8 * group + 1.1 * chance(patch, 11)
+        0.9 * inland(at, terrain.size_m, BORDER_PATCHES * side_m)
+            + 0.8 * over_land(&groups, at)
+            + 1.1 * chance(patch, 11)
     };
     let densities: Vec<f32> = terrain.all_patches().map(density).collect();
     let grows = densest(densities.len() / 2, &densities);
-    let pattern = |column: u32, row: u32| {
-        if grows[(row * terrain.patches[0] + column) as usize] { TREE } else { CLEARING }
-    };
+    let pattern = |patch: usize| Some(if grows[patch] { TREE } else { CLEARING });
     let skin = terrain.skin(terrain.patches.map(|count| count as f32), |_| Vec3::Y * side_m, pattern)?;
     let jitter =
         DiscreteJitter { empty: 0.0, scale: [0.6, 1.0], displacement: 0.5, margin: MARGIN, turns: true, mirrors: true };
-    let alternatives = (0..TINTS.len() as u32).map(|volume| [volume, NO_VOLUME, NO_VOLUME, NO_VOLUME]).collect();
     let patterns = vec![
         Pattern::isolated(0, DiscreteJitter { empty: 1.0, ..jitter }, 1),
-        Pattern { alternatives, ..Pattern::isolated(0, jitter, 2) },
+        Pattern::isolated(0, jitter, 2).one_of(TINTS.len() as u32),
     ];
     let trees = skin.faces().iter().filter(|face| face.pattern == TREE).count() as u64;
     let counts = LandscapeCounts {

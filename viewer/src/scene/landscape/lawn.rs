@@ -2,8 +2,8 @@
 
 use super::counts::LandscapeCounts;
 use super::planted::{Planted, Soil, TURNED, chance, densest, look};
-use super::terrain::Terrain;
-use crate::volume::skin::{Jitter, Noise, Pattern, Skin, Wind};
+use super::terrain::{Terrain, over_land};
+use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
 /// Patches with grass.
@@ -45,24 +45,19 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     let density = |patch: [u32; 2]| {
         let at = terrain.middle(patch);
         let out = (at / (0.5 * EDGE * terrain.size_m)).length();
-        0.3 * tufts.at(Vec3::new(at.x, at.y, 0.4 * tufts.wavelength)) + 0.35 * chance(patch, 7) - out
+        0.3 * over_land(&tufts, at) + 0.35 * chance(patch, 7) - out
     };
     let densities: Vec<f32> = terrain.all_patches().map(density).collect();
     let grows = densest(PATCHES * times as usize, &densities);
     let beds = Noise { wavelength: 9.0 * side_m, period: [0; 3], seed: 14 };
     let flowering = |(number, patch): (usize, [u32; 2])| {
-        let at = terrain.middle(patch);
-        let bed = beds.at(Vec3::new(at.x, at.y, 0.4 * beds.wavelength));
-        if grows[number] { bed + chance(patch, 9) } else { f32::MIN }
+        if grows[number] { over_land(&beds, terrain.middle(patch)) + chance(patch, 9) } else { f32::MIN }
     };
     let flowerings: Vec<f32> = terrain.all_patches().enumerate().map(flowering).collect();
     let flowers = densest(PATCHES * times as usize / 2, &flowerings);
-    let number = |column: u32, row: u32| (row * terrain.patches[0] + column) as usize;
-    let pattern = |column: u32, row: u32| if flowers[number(column, row)] { FLOWERING } else { BARE };
+    let pattern = |patch: usize| grows[patch].then_some(if flowers[patch] { FLOWERING } else { BARE });
     let texels = terrain.patches.map(|count| count as f32);
-    let land = terrain.skin(texels, |place| terrain.normal(place) * side_m, pattern)?;
-    let faces = land.faces().iter().zip(&grows).filter(|(_, grows)| **grows).map(|(face, _)| *face);
-    let skin = Skin::new(land.vertices().to_vec(), faces.collect())?;
+    let skin = terrain.skin(texels, |place| terrain.normal(place) * side_m, pattern)?;
     let jitter = Jitter {
         noise: Noise { wavelength: TUFT_TEXELS * side_m, period: [0; 3], seed: 3 },
         coordinates: 0.0,

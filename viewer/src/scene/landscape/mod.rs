@@ -1,11 +1,11 @@
-//! The three landscapes of [Neyret 1996, section 5], in metres, under the sky of a summer's day: a lawn, a grove and a
+//! The three landscapes of [Neyret 1996, section 5], in metres, under the low sun of a September afternoon: a lawn, a grove and a
 //! forest, which are thick skins with volumetric textures over bilinear patches.
 //!
 //! | landscape | patches | texels | stands for |
 //! |---|---|---|---|
 //! | lawn | 1,400 | one a patch | 22,400 blades, 700 flowers; height vectors jittered |
 //! | grove | 1,024 | half of them empty | 512 trees of 2,154 branches and 6,336 leaves; size, turn, place and material jittered |
-//! | forest | 1,404 | 12,500 | 25,000 of these trees, two to a texel; turn, coordinates and height jittered |
+//! | forest | 1,404 | 12,500, and 4,348 empty ones | 25,000 of these trees, two to a texel; turn, coordinates and height jittered |
 //!
 //! `times` grows the land: so many times more patches, each with what a patch has. The volumes that come with the
 //! viewer are made by `cargo xtask volumes`.

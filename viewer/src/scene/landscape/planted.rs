@@ -1,7 +1,7 @@
 //! What lawn, grove and forest have in common: the landscape before it is a scene, and the constants of its trees.
 
 use super::counts::LandscapeCounts;
-use super::terrain::Terrain;
+use super::terrain::{Terrain, smooth_step};
 use crate::sampler::{hash, one};
 use crate::scene::camera::Camera;
 use crate::volume::skin::{DiscreteJitter, Pattern, Skin, Wind};
@@ -75,8 +75,7 @@ pub(super) fn chance([column, row]: [u32; 2], seed: u32) -> f32 {
 /// Returns how dense what grows is at a place, as far as it is the border that thins it: from 0 there to 1 at `width` and
 /// further inside.
 pub(super) fn inland(at: Vec2, size: Vec2, width: f32) -> f32 {
-    let share = ((0.5 * size - at.abs()).min_element() / width).clamp(0.0, 1.0);
-    share * share * (3.0 - 2.0 * share)
+    smooth_step((0.5 * size - at.abs()).min_element() / width)
 }
 
 /// Returns a camera at `eye` that looks at `target`, upright.

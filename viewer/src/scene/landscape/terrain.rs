@@ -48,10 +48,9 @@ impl Terrain {
         Vec3::new(east_north.x, (self.height_m)(east_north), -east_north.y)
     }
 
-    /// Returns the place on the ground, which is that of the patches, above a point.
+    /// Returns the place on the ground above a point: that of the patches, and of the hills beyond them.
     pub fn on_ground(&self, east_north: Vec2) -> Vec3 {
-        let height = self.bilinear_height((east_north / self.size_m + 0.5) * self.patch_counts());
-        Vec3::new(east_north.x, height, -east_north.y)
+        Vec3::new(east_north.x, self.bilinear_height(east_north) + self.rise(east_north), -east_north.y)
     }
 
     /// Returns the normal of the land at a point.
@@ -79,7 +78,7 @@ impl Terrain {
     }
 
     /// Makes the thick skin over the land, `texels` from west to east and from south to north; `height` gives the
-    /// height vectors.
+    /// height vectors, `pattern` the pattern of each patch by its number, none where there is no skin.
     ///
     /// # Errors
     /// The errors of [`Skin::new`].
@@ -87,8 +86,9 @@ impl Terrain {
         &self,
         texels: [f32; 2],
         height: impl Fn(Vec2) -> Vec3,
-        pattern: impl Fn(u32, u32) -> u32,
+        pattern: impl Fn(usize) -> Option<u32>,
     ) -> Result<Skin, String> {
+        const NO_SKIN: u32 = u32::MAX;
         let [columns, rows] = self.patches;
         let per_patch = [texels[0] / columns as f32, texels[1] / rows as f32];
         let vertex = |column: u32, row: u32| {
@@ -96,7 +96,14 @@ impl Terrain {
             let uv = [column as f32 * per_patch[0], row as f32 * per_patch[1]];
             SkinVertex::new(self.at(place), height(place), uv)
         };
-        Skin::from_grid(columns, rows, vertex, pattern)
+        let skin = Skin::from_grid(columns, rows, vertex, |column, row| {
+            pattern((row * columns + column) as usize).unwrap_or(NO_SKIN)
+        })?;
+        if skin.faces().iter().all(|face| face.pattern != NO_SKIN) {
+            return Ok(skin);
+        }
+        let covered = skin.faces().iter().filter(|face| face.pattern != NO_SKIN).copied();
+        Skin::new(skin.vertices().to_vec(), covered.collect())
     }
 
     /// Returns how much higher than its nearest border the land beyond lies at a point: hills that are higher the farther
@@ -105,10 +112,9 @@ impl Terrain {
         let beyond_m = (east_north.abs() - 0.5 * self.size_m).max(Vec2::ZERO).length();
         let mut height = 0.0;
         for (seed, [full, wavelength, height_m]) in HILLS_M.into_iter().enumerate() {
-            let share = (beyond_m / full).min(1.0);
             let noise = Noise { wavelength, period: [0; 3], seed: 31 + seed as u32 };
             let hill = 0.4 + noise.at(Vec3::new(east_north.x, east_north.y, 0.3 * wavelength));
-            height += height_m * share * share * (3.0 - 2.0 * share) * hill.max(0.0);
+            height += height_m * smooth_step(beyond_m / full) * hill.max(0.0);
         }
         height
     }
@@ -118,31 +124,25 @@ impl Terrain {
         let inner = self.patches.map(|count| CUTS * count);
         // Lines beyond the land on each side.
         let beyond = [0, 1].map(|axis| (2.0 * BEYOND_M / self.size_m[axis]).log(WIDENING).ceil().max(1.0) as u32);
-        let lines = [0, 1].map(|axis| inner[axis] + 1 + 2 * beyond[axis]);
-        // The line of the land that is nearest, and the place of the line along the axis.
+        let [columns, rows] = [0, 1].map(|axis| inner[axis] + 1 + 2 * beyond[axis]);
+        // The place of a line along an axis, and whether it is one of the land.
         let along = |line: u32, axis: usize| {
             let within = line.clamp(beyond[axis], beyond[axis] + inner[axis]) - beyond[axis];
             let out = line.abs_diff(beyond[axis] + within);
             let place = (within as f32 / inner[axis] as f32 - 0.5) * self.size_m[axis];
-            (within, place * WIDENING.powi(out as i32))
+            (place * WIDENING.powi(out as i32), out == 0)
         };
-        let at = |column: u32, row: u32| {
-            let ((x, east), (y, north)) = (along(column, 0), along(row, 1));
-            Vec3::new(
-                east,
-                self.bilinear_height(Vec2::new(x as f32, y as f32) / CUTS as f32) + self.rise(Vec2::new(east, north)),
-                -north,
-            )
-        };
+        let row_of_places =
+            |row: u32| (0..columns).map(move |column| self.on_ground(Vec2::new(along(column, 0).0, along(row, 1).0)));
+        let places: Vec<Vec3> = (0..rows).into_par_iter().flat_map_iter(row_of_places).collect();
+        let at = |column: u32, row: u32| places[(row * columns + column) as usize];
         let vertex = |column: u32, row: u32| {
-            let (x, y) = (along(column, 0).0, along(row, 1).0);
             let position = at(column, row);
-            let is_within = |axis: usize, line: u32| (beyond[axis]..=beyond[axis] + inner[axis]).contains(&line);
-            let normal = if is_within(0, column) && is_within(1, row) {
-                self.normal((Vec2::new(x as f32, y as f32) / CUTS as f32 / self.patch_counts() - 0.5) * self.size_m)
+            let normal = if along(column, 0).1 && along(row, 1).1 {
+                self.normal(Vec2::new(position.x, -position.z))
             } else {
-                let [left, right] = [column.max(1) - 1, (column + 1).min(lines[0] - 1)].map(|column| at(column, row));
-                let [south, north] = [row.max(1) - 1, (row + 1).min(lines[1] - 1)].map(|row| at(column, row));
+                let [left, right] = [column.max(1) - 1, (column + 1).min(columns - 1)].map(|column| at(column, row));
+                let [south, north] = [row.max(1) - 1, (row + 1).min(rows - 1)].map(|row| at(column, row));
                 (right - left).cross(north - south).normalize()
             };
             Vertex {
@@ -153,10 +153,8 @@ impl Terrain {
                 tangent: tangent_of(normal, Vec3::X, 1.0),
             }
         };
-        let [columns, rows] = lines;
-        let vertices =
-            (0..rows).into_par_iter().flat_map_iter(|row| (0..columns).map(move |column| vertex(column, row)));
-        let vertices = vertices.collect();
+        let row_of_vertices = |row: u32| (0..columns).map(move |column| vertex(column, row));
+        let vertices = (0..rows).into_par_iter().flat_map_iter(row_of_vertices).collect();
         let triangles = (0..rows - 1).flat_map(|row| (0..columns - 1).map(move |column| row * columns + column));
         let triangles = triangles.flat_map(|first| {
             let [a, b, c, d] = [first, first + 1, first + columns + 1, first + columns];
@@ -176,16 +174,27 @@ impl Terrain {
         Vec2::from(self.patches.map(|count| count as f32))
     }
 
-    /// Returns the height of the bilinear patches at a place in patches from the land's south-western corner.
-    fn bilinear_height(&self, place: Vec2) -> f32 {
-        let last = self.patch_counts() - 1.0;
-        let patch = place.floor().clamp(Vec2::ZERO, last);
+    /// Returns the height of the bilinear patches at a point; beyond the land that of the nearest border.
+    fn bilinear_height(&self, east_north: Vec2) -> f32 {
+        let place = ((east_north / self.size_m + 0.5) * self.patch_counts()).clamp(Vec2::ZERO, self.patch_counts());
+        let patch = place.floor().min(self.patch_counts() - 1.0);
         let [column, row] = patch.to_array().map(|x| x as u32);
         let Vec2 { x: s, y: t } = place - patch;
         let height = |column: u32, row: u32| (self.height_m)(self.corner(column, row));
         let across = |row: u32| height(column, row) * (1.0 - s) + height(column + 1, row) * s;
         across(row) * (1.0 - t) + across(row + 1) * t
     }
+}
+
+/// Rises from 0 to 1 as `share` does, level at both ends.
+pub(super) fn smooth_step(share: f32) -> f32 {
+    let share = share.clamp(0.0, 1.0);
+    share * share * (3.0 - 2.0 * share)
+}
+
+/// Returns a noise at a point of the land, away from the lattice, where all noises are 0.
+pub(super) fn over_land(noise: &Noise, east_north: Vec2) -> f32 {
+    noise.at(east_north.extend(0.4 * noise.wavelength))
 }
 
 /// Puts the texture of what lies at the border of a grid back to where it was before jitter moved it, so that whole

@@ -122,6 +122,11 @@ impl Pattern {
         Pattern { jitter: Some(jitter), seed, ..Pattern::cyclic(volume) }
     }
 
+    /// Returns the pattern with one of the first `count` volumes in each texel.
+    pub(crate) fn one_of(self, count: u32) -> Pattern {
+        Pattern { alternatives: (0..count).map(|volume| merged(&[volume])).collect(), ..self }
+    }
+
     /// Checks the numbers of the pattern.
     ///
     /// # Errors
@@ -165,10 +170,10 @@ impl Pattern {
             return None;
         }
         let among = |draw: u32, count: u32| among(hashed, draw, count);
-        let mut alternative = among(ALTERNATIVE, self.alternatives.len() as u32);
-        if let Some(cells) = &self.cells {
-            alternative = cells.cell_content(cell).checked_sub(1)?;
-        }
+        let alternative = match &self.cells {
+            Some(cells) => cells.cell_content(cell).checked_sub(1)?,
+            None => among(ALTERNATIVE, self.alternatives.len() as u32),
+        };
         let scale = jitter.scale[0] + (jitter.scale[1] - jitter.scale[0]) * share(SCALE);
         // From the middle to the content's sides; what is left of half a texel is free.
         let free = (0.5 - scale * (0.5 - jitter.margin)).max(0.0);
@@ -244,6 +249,12 @@ pub fn pattern_words(patterns: &[Pattern]) -> Vec<u32> {
         words[1 + number] = words.len() as u32;
         let jitter = pattern.jitter.unwrap_or(NO_JITTER);
         let flag = |on: bool, bit: u32| if on { bit } else { 0 };
+        let (cells_at, size, content) = match pattern.cells.as_deref() {
+            Some(CellMap { size, content }) => {
+                (words.len() + PATTERN_WORDS + MAX_MERGED * pattern.alternatives.len(), *size, content.as_slice())
+            }
+            None => (0, [0; 2], &[][..]),
+        };
         let numbers: [u32; PATTERN_WORDS] = [
             pattern.seed,
             jitter.empty.to_bits(),
@@ -253,22 +264,17 @@ pub fn pattern_words(patterns: &[Pattern]) -> Vec<u32> {
             jitter.margin.to_bits(),
             flag(jitter.turns, PATTERN_TURNS) | flag(jitter.mirrors, PATTERN_MIRRORS),
             pattern.alternatives.len() as u32,
-            pattern
-                .cells
-                .as_ref()
-                .map_or(0, |_| (words.len() + PATTERN_WORDS + MAX_MERGED * pattern.alternatives.len()) as u32),
-            pattern.cells.as_ref().map_or(0, |cells| cells.size[0]),
-            pattern.cells.as_ref().map_or(0, |cells| cells.size[1]),
+            cells_at as u32,
+            size[0],
+            size[1],
         ];
         words.extend(numbers);
         words.extend(pattern.alternatives.as_flattened());
         // Four texels a word.
-        let content = pattern.cells.as_deref().map_or(&[][..], |cells| &cells.content);
-        words.extend(
-            content
-                .chunks(4)
-                .map(|four| (0..4).fold(0, |word, i| word | u32::from(four.get(i).copied().unwrap_or(0)) << (8 * i))),
-        );
+        words.extend(content.chunks(4).map(|four| {
+            let byte = |i: usize| u32::from(four.get(i).copied().unwrap_or(0)) << (8 * i);
+            byte(0) | byte(1) | byte(2) | byte(3)
+        }));
     }
     words
 }
