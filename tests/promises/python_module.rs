@@ -180,6 +180,7 @@ fn our_picture(folder: &Path, asset: &Path, camera: &Value, light: &Value) -> Ve
         // Mitsuba asks the finest level.
         shade: ShadeOptions { levels: false, ..ShadeOptions::default() },
         target_ms: None,
+        denoise: false,
     };
     render(&scene, &params, &Control::SILENT).unwrap().picture.radiance.into_flattened()
 }
@@ -296,7 +297,15 @@ fn mitsuba_traces_the_paths_that_our_renderer_traces() {
         ..ShadeOptions::default()
     };
     let backend = BackendChoice::Cpu;
-    let params = RenderParams { size: PATH_SIZE, frames: PATH_SAMPLES, backend, adapter: None, shade, target_ms: None };
+    let params = RenderParams {
+        size: PATH_SIZE,
+        frames: PATH_SAMPLES,
+        backend,
+        adapter: None,
+        shade,
+        target_ms: None,
+        denoise: false,
+    };
     let ours = render(&scene, &params, &Control::SILENT).unwrap().picture.radiance.into_flattened();
 
     let read = |path: &Path| floats(&std::fs::read(path).unwrap());

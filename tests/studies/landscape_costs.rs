@@ -66,7 +66,15 @@ pub(crate) fn as_triangles(landscape: Landscape, folder: &Path) -> Result<Scene,
 
 /// Least mean time of a frame, seconds.
 fn frame_s(scene: &Scene, size: [u32; 2], frames: u32, backend: BackendChoice) -> Result<f64, Box<dyn Error>> {
-    let params = RenderParams { size, frames, backend, adapter: None, shade: ShadeOptions::default(), target_ms: None };
+    let params = RenderParams {
+        size,
+        frames,
+        backend,
+        adapter: None,
+        shade: ShadeOptions::default(),
+        target_ms: None,
+        denoise: false,
+    };
     let (mut least, mut spent) = (f64::INFINITY, 0.0);
     for _ in 0..3 {
         let s = 1e-3 * render(scene, &params, &Control::SILENT)?.report.frame_ms;

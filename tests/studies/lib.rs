@@ -7,6 +7,7 @@ pub mod bands;
 pub mod bent_skins;
 pub mod beside;
 pub mod canopies;
+pub mod denoise;
 pub mod dolly;
 mod embree;
 pub mod fit_floor;

@@ -1,7 +1,8 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    bands, bent_skins, canopies, dolly, fit_floor, landscape_costs, leaf, lobe_worth, many_captures, rays, volume_costs,
+    bands, bent_skins, canopies, denoise, dolly, fit_floor, landscape_costs, leaf, lobe_worth, many_captures, rays,
+    volume_costs,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -9,11 +10,12 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 18] = [
+const STUDIES: [(&str, &str, Study); 19] = [
     ("abm_trade", "", leaf::abm_trade::run),
     ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
     ("canopies", "[PHOTONS]", canopies::run),
+    ("denoise", "[WIDTH [CANOPY.glb]]", denoise::run),
     ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
     ("fit_floor", "CAPTURE...", fit_floor::run),
     ("landscape_costs", "[WIDTH [CAMERA [both|sun|sky [BACKEND ...]]]]", landscape_costs::run),

@@ -23,6 +23,7 @@ mod bench;
 #[cfg(not(target_arch = "wasm32"))]
 mod canopy;
 mod cpu;
+mod denoise;
 mod error;
 mod geometry;
 mod gpu;

@@ -59,6 +59,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
         adapter: render.adapter.clone(),
         shade: render.shade(),
         target_ms: None,
+        denoise: false,
     };
     let folder = &arguments.out;
     // Before the work, so that nobody waits for a refusal.

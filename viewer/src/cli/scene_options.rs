@@ -78,6 +78,9 @@ pub(super) struct PictureArguments {
     /// Frames to average: each adds a sample per pixel, the first through its middle
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) frames: u32,
+    /// Filters noise out of the picture, which needs two frames at least
+    #[arg(long, requires = "headless", conflicts_with = "bands")]
+    pub(super) denoise: bool,
     /// Writes the figures as JSON; - is stdout
     #[arg(long, value_name = "FILE", requires = "headless")]
     pub(super) json: Option<PathBuf>,

@@ -28,6 +28,7 @@ pub(super) fn run(arguments: &ServeArguments) -> Result<(), ViewerError> {
         adapter: render.adapter.clone(),
         shade: render.shade(),
         target_ms: None,
+        denoise: false,
     };
     let mut server = PictureServer::new(usual, render.packing());
     let ended =

@@ -33,7 +33,15 @@ pub(super) fn show(
     match &arguments.out {
         Some(out) => {
             let size = arguments.size.unwrap_or([512, 512]);
-            let params = RenderParams { size, frames: arguments.frames, backend, adapter, shade, target_ms };
+            let params = RenderParams {
+                size,
+                frames: arguments.frames,
+                backend,
+                adapter,
+                shade,
+                target_ms,
+                denoise: arguments.denoise,
+            };
             if arguments.bands {
                 return write_bands(arguments, &mut scene, &params, out);
             }

@@ -23,7 +23,7 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[("MIN_THROUGHPUT", MIN_THROUGHPUT
 
 impl Shader<'_> {
     /// Returns the radiance that comes along a path's latest ray from beyond everything, but for the sun's.
-    fn miss_radiance(&self, path: &Path) -> Vec3 {
+    pub(crate) fn miss_radiance(&self, path: &Path) -> Vec3 {
         match &self.scene.environment {
             // The rest was drawn from the picture.
             Some(sky) if path.density > 0.0 => {

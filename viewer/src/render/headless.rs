@@ -1,6 +1,8 @@
 //! Renders a scene without a window, on whichever backend was asked for.
 
 use crate::cpu::picture::CpuPicture;
+use crate::denoise::a_trous::a_trous;
+use crate::denoise::features::features_of;
 use crate::error::ViewerError;
 use crate::gpu::backend::BackendChoice;
 use crate::gpu::device::Gpu;
@@ -38,6 +40,8 @@ pub struct RenderParams {
     /// Milliseconds that a frame may take; what frames then save in components, lobes and lights, they learn from one
     /// another.
     pub target_ms: Option<f64>,
+    /// Whether noise is filtered out of the picture, which then has at least 2 frames.
+    pub denoise: bool,
 }
 
 impl RenderParams {
@@ -51,6 +55,11 @@ impl RenderParams {
         }
         if self.frames == 0 {
             return Err(ViewerError::Usage("a picture has at least 1 frame".into()));
+        }
+        if self.denoise && self.frames < 2 {
+            return Err(ViewerError::Usage(
+                "--denoise learns the noise from how frames differ: give --frames 2 or more".into(),
+            ));
         }
         if !(1..=MAX_DEPTH).contains(&self.shade.depth) {
             return Err(ViewerError::Usage(format!("--depth is 1 to {MAX_DEPTH}")));
@@ -235,16 +244,25 @@ impl Session {
         params: &RenderParams,
         control: &Control,
     ) -> Result<Rendered, ViewerError> {
-        let (picture, times) = match (&self.engine, &mut self.tracer) {
+        let (mut picture, times) = match (&self.engine, &mut self.tracer) {
             (Engine::Gpu(gpu, _), Some(tracer)) => render_gpu(gpu, tracer, scene, params, control)?,
             _ => render_cpu(scene, params, control)?,
         };
+        if params.denoise {
+            let features = features_of(scene, params.size, &params.shade, params.frames);
+            picture.radiance = a_trous(&picture.radiance, &picture.halfway, params.frames, &features, params.size);
+        }
         Ok(rendered(&self.engine, scene, params, picture, times))
     }
 }
 
 /// Radiance and what the last sample of every pixel did.
-type Drawn = (Vec<[f32; 3]>, Vec<PixelHit>);
+struct Drawn {
+    radiance: Vec<[f32; 3]>,
+    /// Radiance of the first half of the frames, where noise is filtered out.
+    halfway: Vec<[f32; 3]>,
+    hits: Vec<PixelHit>,
+}
 
 /// Mean time of a frame, milliseconds, and of its passes; and what was learned from them.
 type FrameTimes = (f64, Option<PassTimes>, Option<Governor>);
@@ -261,7 +279,11 @@ fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result
     };
     let start = Instant::now();
     let mut governor = governor(scene, params);
-    for _ in 0..params.frames {
+    let mut halfway = Vec::new();
+    for frame in 0..params.frames {
+        if params.denoise && frame == params.frames / 2 {
+            halfway = picture.radiance();
+        }
         let frame_start = Instant::now();
         let shade = governor.as_ref().map_or(params.shade, |governor| governor.settings(&params.shade));
         picture.add_sample(scene, &shade, &row_done);
@@ -271,7 +293,7 @@ fn render_cpu(scene: &Scene, params: &RenderParams, control: &Control) -> Result
         }
     }
     let frame_ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(params.frames);
-    Ok(((picture.radiance(), picture.hits), (frame_ms, None, governor)))
+    Ok((Drawn { radiance: picture.radiance(), halfway, hits: picture.hits }, (frame_ms, None, governor)))
 }
 
 fn render_gpu(
@@ -286,7 +308,11 @@ fn render_gpu(
     tracer.warm_up(&first)?;
     let (mut frame_ms, mut passes) = (0.0, None);
     let mut governor = governor(scene, params);
+    let mut halfway = Vec::new();
     for frame in 0..params.frames {
+        if params.denoise && frame == params.frames / 2 {
+            halfway = tracer.read_radiance()?;
+        }
         if (control.cancelled)() {
             return Err(ViewerError::Interrupted);
         }
@@ -300,7 +326,8 @@ fn render_gpu(
         governor.iter_mut().for_each(|governor| governor.observe(ms));
         (control.progress)((frame + 1) as f32 / params.frames as f32);
     }
-    Ok(((tracer.read_radiance()?, tracer.read_hits()?), (frame_ms, passes, governor)))
+    let (radiance, hits) = (tracer.read_radiance()?, tracer.read_hits()?);
+    Ok((Drawn { radiance, halfway, hits }, (frame_ms, passes, governor)))
 }
 
 fn governor(scene: &Scene, params: &RenderParams) -> Option<Governor> {
@@ -311,7 +338,7 @@ fn rendered(
     engine: &Engine,
     scene: &Scene,
     params: &RenderParams,
-    (radiance, hits): Drawn,
+    Drawn { radiance, hits, .. }: Drawn,
     (frame_ms, passes, governor): FrameTimes,
 ) -> Rendered {
     let [width, height] = params.size;
@@ -367,6 +394,7 @@ mod tests {
             adapter: None,
             shade: ShadeOptions::default(),
             target_ms: None,
+            denoise: false,
         }
     }
 
@@ -399,6 +427,26 @@ mod tests {
             let rendered = render(&scene, &cpu([33, 33]), &Control::SILENT).unwrap();
             assert_eq!(rendered.picture.radiance[16 * 33 + 16][0] > 0.1, lit);
         }
+    }
+
+    #[test]
+    fn a_filtered_picture_is_nearer_to_one_of_many_samples() {
+        let mut ball = mesh::sphere();
+        ball.transform(glam::Mat4::from_translation(glam::Vec3::new(0.2, 0.1, 0.8)));
+        let mut scene = Scene::from_objects(Path::new("x"), vec![grey(mesh::plane()), grey(ball)], Vec::new()).unwrap();
+        scene.lights.clear();
+        scene.ambient = crate::scene::scene::Ambient { radiance: [0.8; 3], distance: 100.0 };
+        let drawn = |frames, denoise| {
+            render(&scene, &RenderParams { frames, denoise, ..cpu([40, 40]) }, &Control::SILENT)
+                .map(|drawn| drawn.picture)
+        };
+        let truth = drawn(256, false).unwrap();
+        let error = |picture: Picture| -> f32 {
+            picture.radiance.iter().zip(&truth.radiance).map(|(a, b)| (a[1] - b[1]).powi(2)).sum::<f32>().sqrt()
+        };
+        let [raw, filtered] = [false, true].map(|denoise| error(drawn(4, denoise).unwrap()));
+        assert!(filtered < 0.7 * raw, "{raw} {filtered}");
+        assert_eq!(drawn(1, true).unwrap_err().exit_code(), 2);
     }
 
     #[test]

@@ -401,6 +401,7 @@ mod tests {
             adapter: None,
             shade: ShadeOptions::default(),
             target_ms: None,
+            denoise: false,
         }
     }
 

@@ -32,8 +32,12 @@ fn scene(part: MeshPart) -> Scene {
 }
 
 fn draw(scene: &Scene, backend: BackendChoice, size: [u32; 2], shade: ShadeOptions) -> Rendered {
-    render(scene, &RenderParams { size, frames: 2, backend, adapter: None, shade, target_ms: None }, &Control::SILENT)
-        .unwrap()
+    render(
+        scene,
+        &RenderParams { size, frames: 2, backend, adapter: None, shade, target_ms: None, denoise: false },
+        &Control::SILENT,
+    )
+    .unwrap()
 }
 
 /// Numbers of a picture that no picture may hold.

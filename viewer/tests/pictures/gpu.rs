@@ -193,6 +193,7 @@ fn draw(scene: &Scene, backend: BackendChoice, frames: u32) -> Rendered {
         adapter: None,
         shade: ShadeOptions::default(),
         target_ms: None,
+        denoise: false,
     };
     render(scene, &params, &Control::SILENT).unwrap()
 }
@@ -320,7 +321,8 @@ fn traced_paths_are_the_cpus() {
     scene.materials[0].mirror = [0.5, 0.4, 0.3];
     let path = |backend, depth| {
         let shade = ShadeOptions { mode: RenderMode::Path, depth, ..ShadeOptions::default() };
-        let params = RenderParams { size: [96, 72], frames: 2, backend, adapter: None, shade, target_ms: None };
+        let params =
+            RenderParams { size: [96, 72], frames: 2, backend, adapter: None, shade, target_ms: None, denoise: false };
         render(&scene, &params, &Control::SILENT).unwrap()
     };
     let cpu = path(BackendChoice::Cpu, 4);
@@ -349,7 +351,15 @@ fn a_surrounding_picture_lights_as_on_the_cpu() {
     for mode in [RenderMode::Direct, RenderMode::Path] {
         let picture = |scene: &Scene, backend| {
             let shade = ShadeOptions { mode, depth: 3, ..ShadeOptions::default() };
-            let params = RenderParams { size: [96, 72], frames: 2, backend, adapter: None, shade, target_ms: None };
+            let params = RenderParams {
+                size: [96, 72],
+                frames: 2,
+                backend,
+                adapter: None,
+                shade,
+                target_ms: None,
+                denoise: false,
+            };
             render(scene, &params, &Control::SILENT).unwrap()
         };
         let cpu = picture(&scene, BackendChoice::Cpu);

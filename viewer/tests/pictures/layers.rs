@@ -59,8 +59,15 @@ fn scene(asset: &Asset, others: Vec<SceneObject>, light_back: bool, eye_back: bo
 }
 
 fn draw(scene: &Scene, backend: BackendChoice) -> Vec<[f32; 3]> {
-    let params =
-        RenderParams { size: SIZE, frames: 1, backend, adapter: None, shade: ShadeOptions::default(), target_ms: None };
+    let params = RenderParams {
+        size: SIZE,
+        frames: 1,
+        backend,
+        adapter: None,
+        shade: ShadeOptions::default(),
+        target_ms: None,
+        denoise: false,
+    };
     render(scene, &params, &Control::SILENT).unwrap().picture.radiance
 }
 

@@ -81,7 +81,8 @@ fn light_up(scene: &mut Scene) {
 }
 
 fn draw(scene: &Scene, backend: BackendChoice, shade: ShadeOptions) -> Rendered {
-    let params = RenderParams { size: [96, 72], frames: 2, backend, adapter: None, shade, target_ms: None };
+    let params =
+        RenderParams { size: [96, 72], frames: 2, backend, adapter: None, shade, target_ms: None, denoise: false };
     render(scene, &params, &Control::SILENT).unwrap()
 }
 
@@ -250,6 +251,7 @@ fn white_leaves_in_a_white_world_are_not_to_be_seen() {
             adapter: None,
             shade,
             target_ms: None,
+            denoise: false,
         };
         let rendered = render(&scene, &params, &Control::SILENT).unwrap();
         let seen: Vec<f32> = rendered

@@ -46,8 +46,15 @@ fn scene_of(folder: &TempDir, text: &str) -> Result<Scene, String> {
 /// Linear pixels of the mean of `frames` samples.
 fn pixels(scene: &Scene, mode: RenderMode, frames: u32) -> Vec<[f32; 3]> {
     let shade = ShadeOptions { mode, depth: 4, ..ShadeOptions::default() };
-    let params =
-        RenderParams { size: SIZE, frames, backend: BackendChoice::Cpu, adapter: None, shade, target_ms: None };
+    let params = RenderParams {
+        size: SIZE,
+        frames,
+        backend: BackendChoice::Cpu,
+        adapter: None,
+        shade,
+        target_ms: None,
+        denoise: false,
+    };
     render(scene, &params, &Control::SILENT).unwrap().picture.radiance
 }
 

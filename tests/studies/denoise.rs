@@ -1,0 +1,118 @@
+//! Prints how far pictures of few samples are from one of 1,024, with and without the filter of noise, over the time that they take,
+//! as Markdown: `cargo run --release -p btf-tests -- denoise [WIDTH [CANOPY.glb]]`.
+//!
+//! Landscapes are those of `btf-view scene`, the canopy stands in the same evening. All are drawn by paths of up to four rays. The
+//! filter's time is in its column. Times are of this machine and run: compare them with each other.
+
+use btf_viewer::{
+    BackendChoice, Control, Landscape, LandscapeParams, MeshChoice, Picture, RenderMode, RenderParams, Scene,
+    ShadeOptions, render,
+};
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+/// Samples of the picture that errors are against.
+const TRUTH: u32 = 1024;
+/// Samples of the pictures.
+const SAMPLES: [u32; 7] = [2, 4, 8, 16, 32, 64, 128];
+/// Quality that pictures are to reach, dB.
+const GOAL_DB: f64 = 30.0;
+/// Rays of a path.
+const DEPTH: u32 = 4;
+
+/// A picture of so many samples: its quality and the seconds that it took.
+struct Measured {
+    samples: u32,
+    db: f64,
+    s: f64,
+}
+
+fn drawn(scene: &Scene, size: [u32; 2], frames: u32, denoise: bool) -> Result<(Picture, f64), Box<dyn Error>> {
+    let shade = ShadeOptions { mode: RenderMode::Path, depth: DEPTH, ..ShadeOptions::default() };
+    let params =
+        RenderParams { size, frames, backend: BackendChoice::Cpu, adapter: None, shade, target_ms: None, denoise };
+    let start = Instant::now();
+    let picture = render(scene, &params, &Control::SILENT)?.picture;
+    Ok((picture, start.elapsed().as_secs_f64()))
+}
+
+/// Returns the peak signal-to-noise ratio of two pictures as they are seen, in 8-bit sRGB, dB.
+fn psnr_db(a: &Picture, b: &Picture, exposure_ev: f32) -> f64 {
+    let (a, b) = (a.srgb8(exposure_ev), b.srgb8(exposure_ev));
+    let square: f64 = a.iter().zip(&b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
+    10.0 * (255.0 * 255.0 * a.len() as f64 / square.max(1e-9)).log10()
+}
+
+/// Returns the seconds after which a row of pictures has the quality asked for: between two of them as the logarithm of time.
+fn time_to(goal_db: f64, row: &[Measured]) -> Option<f64> {
+    let at = row.iter().position(|measured| measured.db >= goal_db)?;
+    let Some(before) = at.checked_sub(1) else { return Some(row[0].s) };
+    let (a, b) = (&row[before], &row[at]);
+    let share = (goal_db - a.db) / (b.db - a.db).max(1e-9);
+    Some((a.s.ln() + share * (b.s / a.s).ln()).exp())
+}
+
+/// Runs the study.
+///
+/// # Errors
+/// Those of scenes, and of drawing.
+pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
+    let width: u32 = arguments.first().map_or(Ok(160), |width| width.parse())?;
+    let size = [width, width * 9 / 16];
+    let mut scenes = Vec::new();
+    for (landscape, camera) in [(Landscape::Forest, 1), (Landscape::Grove, 2), (Landscape::Lawn, 0)] {
+        let (mut scene, _) = landscape.scene(&LandscapeParams::default())?;
+        let cameras: Vec<_> = [scene.camera].into_iter().chain(scene.more_cameras.clone()).collect();
+        scene.camera = cameras[camera];
+        scenes.push((landscape.name().to_string(), scene));
+    }
+    if let Some(canopy) = arguments.get(1) {
+        let mut scene = Scene::built_in(&MeshChoice::File(Path::new(canopy).into()), Vec::new(), [1.0; 2])?;
+        let evening = &scenes[0].1;
+        (scene.sun, scene.environment, scene.ambient) = (evening.sun, evening.environment.clone(), evening.ambient);
+        scene.lights.clear();
+        scene.exposure_ev = evening.exposure_ev;
+        scenes.push(("canopy".into(), scene));
+    }
+    println!("| scene | samples | s | dB | with the filter: s | dB |\n|---|---|---|---|---|---|");
+    let mut times = Vec::new();
+    for (name, scene) in &scenes {
+        let (truth, _) = drawn(scene, size, TRUTH, false)?;
+        let mut rows = [Vec::new(), Vec::new()];
+        for samples in SAMPLES {
+            for (row, denoise) in rows.iter_mut().zip([false, true]) {
+                let (picture, s) = drawn(scene, size, samples, denoise)?;
+                row.push(Measured { samples, db: psnr_db(&picture, &truth, scene.exposure_ev), s });
+            }
+        }
+        for (plain, filtered) in rows[0].iter().zip(&rows[1]) {
+            println!(
+                "| {name} | {} | {:.2} | {:.1} | {:.2} | {:.1} |",
+                plain.samples, plain.s, plain.db, filtered.s, filtered.db
+            );
+        }
+        times.push((name, rows.map(|row| time_to(GOAL_DB, &row))));
+    }
+    println!("\n| scene | s to {GOAL_DB} dB | with the filter | of that time |\n|---|---|---|---|");
+    for (name, [plain, filtered]) in times {
+        let cell = |s: Option<f64>| s.map_or("more".to_string(), |s| format!("{s:.2}"));
+        let share = plain.zip(filtered).map_or(String::new(), |(plain, filtered)| format!("{:.2}", filtered / plain));
+        println!("| {name} | {} | {} | {share} |", cell(plain), cell(filtered));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_to_a_quality_lies_between_two_pictures() {
+        let row: Vec<Measured> =
+            [(2, 20.0, 1.0), (8, 32.0, 4.0)].map(|(samples, db, s)| Measured { samples, db, s }).into();
+        let at = |db| time_to(db, &row);
+        assert!((at(26.0).unwrap_or(0.0) - 2.0).abs() < 1e-9);
+        assert_eq!((at(10.0), at(40.0)), (Some(1.0), None));
+    }
+}
