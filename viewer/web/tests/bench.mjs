@@ -68,7 +68,7 @@ async function waited(browser, page) {
 }
 
 function openBench(browser, site) {
-  return open(browser, `${site.url}bench.html`, { viewport: { width: SIZE, height: SIZE } });
+  return open(browser, `${site.url}bench.html`, { viewport: { width: SIZE, height: SIZE }, deviceScaleFactor: 1 });
 }
 
 // From the page's opening, program and shaders included.

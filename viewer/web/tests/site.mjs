@@ -78,9 +78,14 @@ export class Site {
   }
 }
 
+// A pixel for two points each way: SwiftShader takes most of the time of these tests, and takes it for pixels.
+const PIXELS_PER_POINT = 0.5;
+
 /** Opens the page and notes what its viewer tells; `errors` are the browser's. */
 export async function open(browser, url, options = {}) {
-  const context = await browser.newContext({ viewport: { width: 620, height: 420 }, ...options });
+  const context = await browser.newContext({
+    viewport: { width: 620, height: 420 }, deviceScaleFactor: PIXELS_PER_POINT, ...options,
+  });
   const page = await context.newPage();
   page.errors = [];
   page.on('pageerror', (error) => page.errors.push(String(error)));

@@ -10,10 +10,11 @@ use crate::tools::driver;
 use std::path::{Path, PathBuf};
 
 /// The integration tests that use a GPU or programs of others; every other one needs nothing but Rust.
-const DEPENDENT: [&str; 11] = [
+const DEPENDENT: [&str; 12] = [
     "c_programs",
     "fit_gpu",
     "golden",
+    "gpu_bench",
     "leaf",
     "pictures",
     "promises",
@@ -89,9 +90,7 @@ fn run(selection: &[String], filter: &[&str], metadata: &Metadata) -> Result<Tes
     let log = metadata.target_directory.join("skipped-tests.txt");
     let _ = std::fs::remove_file(&log);
     command.env("BTF_SKIP_LOG", &log);
-    for (name, value) in software_driver() {
-        command.env(name, value);
-    }
+    command.envs(software_driver()).envs(driver::QUICK_COMPILER);
     let (status, output) = run_and_read(&mut command).map_err(|failure| failure.to_string())?;
     let counts = if nextest { counts::from_nextest(&output) } else { counts::from_cargo_test(&output) };
     let Some(mut counts) = counts else {

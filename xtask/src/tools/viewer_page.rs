@@ -1,7 +1,7 @@
 //! The viewer as a page: compiles it to WebAssembly, puts it beside the page's scripts and its gallery, and tests it in a
 //! browser.
 
-use super::{browser, wasm, wasm_bindgen};
+use super::{browser, driver, wasm, wasm_bindgen};
 use crate::counts::{Counts, from_tap};
 use crate::failure::Failure;
 use crate::files::{copy, copy_folder, failed, files_of};
@@ -67,6 +67,7 @@ pub fn test(target: &Path, page: &Path, package: &Path, profile: &str) -> Result
     node.env("BTF_WEB_PAGE", page).env("BTF_WEB_PICTURES", &pictures).env("BTF_WEB_PACKAGE", package);
     node.env("BTF_VIEW", binaries.join("btf-view")).env("BTF_FIT", binaries.join("btf-fit"));
     node.env("BTF_SYNTH", binaries.join("btf-synth"));
+    node.envs(driver::QUICK_COMPILER);
     browser::tell(target, &mut node);
     let (status, output) = run_and_read(&mut node)?;
     match from_tap(&output) {
