@@ -52,11 +52,16 @@ pub fn run_checked(command: &mut Command) -> Result<(), Failure> {
     }
 }
 
-/// Builds the three programs in a profile of cargo's. All of the workspace is chosen, so that what they use has the features that it has
-/// in the tests, and is not compiled once more for each of them.
+/// Builds the three programs in a profile of cargo's. All of the workspace is chosen, and in the tests' profile one of its tests, so that
+/// what they use has the features that it has in the tests, and is not compiled once more.
 pub fn build_programs(profile: &str) -> Result<(), Failure> {
     let programs = ["btf-view", "btf-fit", "btf-synth"].into_iter().flat_map(|program| ["--bin", program]);
-    run_checked(cargo(&["build", "--quiet", "--workspace", "--profile", profile]).args(programs))
+    let mut build = cargo(&["build", "--quiet", "--workspace", "--profile", profile]);
+    build.args(programs);
+    if profile == "dev" {
+        build.args(["--test", "vectors"]);
+    }
+    run_checked(&mut build)
 }
 
 /// Runs a program while its output is passed on line by line, and returns that output, both streams together.

@@ -46,12 +46,19 @@ pub fn build(target: &Path, profile: &str) -> Result<PathBuf, Failure> {
         copy(&root().join(file), file.rsplit('/').next().unwrap_or(file))?;
     }
     copy(&compiled, "btf.wasm")?;
-    let mut shaders = cargo(&["run", "--quiet", "--package", "btf-runtime", "--example", "wgsl_module"]);
-    shaders.args(["--profile", profile]);
-    let text = answer_of(&mut shaders).ok_or_else(|| Failure::new("the WGSL of the decoder was not written"))?;
+    let text = answer_of(&mut example(target, "wgsl_module", profile)?)
+        .ok_or_else(|| Failure::new("the WGSL of the decoder was not written"))?;
     let script = folder.join("wgsl.js");
     std::fs::write(&script, text).map_err(|error| failed(&script, &error))?;
     Ok(folder)
+}
+
+/// Builds an example of the runtime and returns the command that runs it. All of the workspace is chosen, so that what it uses has the
+/// features that it has in the tests, and is not compiled once more.
+fn example(target: &Path, name: &str, profile: &str) -> Result<Command, Failure> {
+    run_checked(&mut cargo(&["build", "--quiet", "--workspace", "--profile", profile, "--example", name]))?;
+    let folder = if profile == "dev" { "debug" } else { profile };
+    Ok(Command::new(target.join(folder).join("examples").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))))
 }
 
 /// Runs the tests of the package in Node.js: what it answers is compared with the runtime's own answers. Those in a browser are
@@ -65,9 +72,7 @@ pub fn test(target: &Path, package: &Path, profile: &str) -> Result<Counts, Fail
     let answers = target.join("web/answers");
     std::fs::create_dir_all(&answers).map_err(|error| failed(&answers, &error))?;
     let asset = root().join("viewer/src/scene/builtin/weave.spmm");
-    let mut make =
-        cargo(&["run", "--quiet", "--package", "btf-runtime", "--example", "answers", "--profile", profile, "--"]);
-    run_checked(make.arg(&asset).arg(answers.join("weave.json")))?;
+    run_checked(example(target, "answers", profile)?.arg(&asset).arg(answers.join("weave.json")))?;
     std::fs::copy(&asset, answers.join("weave.spmm")).map_err(|error| failed(&asset, &error))?;
     let mut node = Command::new("node");
     node.args(["--test", "--test-reporter=tap"]).arg(root().join(SCRIPTS).join("tests"));
