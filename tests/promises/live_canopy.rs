@@ -49,15 +49,8 @@ fn furnace(mut scene: Scene) -> (f32, f32) {
     scene.camera =
         Camera { eye: Vec3::new(0.1, 0.9, 0.2), target: Vec3::new(1.0, 0.8, -1.0), up: Vec3::Y, fov_deg: 60.0 };
     let shade = ShadeOptions { mode: RenderMode::Path, depth: 128, ..ShadeOptions::default() };
-    let params = RenderParams {
-        size: [80, 60],
-        frames: 16,
-        backend: BackendChoice::Cpu,
-        adapter: None,
-        shade,
-        target_ms: None,
-        denoise: false,
-    };
+    let params =
+        RenderParams { size: [80, 60], frames: 16, backend: BackendChoice::Cpu, shade, ..RenderParams::default() };
     let rendered = render(&scene, &params, &Control::SILENT).unwrap();
     let pixels = rendered.picture.radiance.iter().zip(&rendered.hits);
     let seen: Vec<f32> = pixels.filter(|(_, hit)| hit.primitive != NO_HIT).map(|(rgb, _)| rgb[1]).collect();

@@ -174,13 +174,10 @@ fn our_picture(folder: &Path, asset: &Path, camera: &Value, light: &Value) -> Ve
     let scene = load_scene(&path, vec![Arc::new(SceneAsset::load(asset).unwrap())]).unwrap();
     let params = RenderParams {
         size: SIZE,
-        frames: 1,
         backend: BackendChoice::Cpu,
-        adapter: None,
         // Mitsuba asks the finest level.
         shade: ShadeOptions { levels: false, ..ShadeOptions::default() },
-        target_ms: None,
-        denoise: false,
+        ..RenderParams::default()
     };
     render(&scene, &params, &Control::SILENT).unwrap().picture.radiance.into_flattened()
 }
@@ -297,15 +294,7 @@ fn mitsuba_traces_the_paths_that_our_renderer_traces() {
         ..ShadeOptions::default()
     };
     let backend = BackendChoice::Cpu;
-    let params = RenderParams {
-        size: PATH_SIZE,
-        frames: PATH_SAMPLES,
-        backend,
-        adapter: None,
-        shade,
-        target_ms: None,
-        denoise: false,
-    };
+    let params = RenderParams { size: PATH_SIZE, frames: PATH_SAMPLES, backend, shade, ..RenderParams::default() };
     let ours = render(&scene, &params, &Control::SILENT).unwrap().picture.radiance.into_flattened();
 
     let read = |path: &Path| floats(&std::fs::read(path).unwrap());

@@ -30,18 +30,10 @@ struct Measured {
 
 fn drawn(scene: &Scene, size: [u32; 2], frames: u32, denoise: bool) -> Result<(Picture, f64), Box<dyn Error>> {
     let shade = ShadeOptions { mode: RenderMode::Path, depth: DEPTH, ..ShadeOptions::default() };
-    let params =
-        RenderParams { size, frames, backend: BackendChoice::Cpu, adapter: None, shade, target_ms: None, denoise };
+    let params = RenderParams { size, frames, backend: BackendChoice::Cpu, shade, denoise, ..RenderParams::default() };
     let start = Instant::now();
     let picture = render(scene, &params, &Control::SILENT)?.picture;
     Ok((picture, start.elapsed().as_secs_f64()))
-}
-
-/// Returns the peak signal-to-noise ratio of two pictures as they are seen, in 8-bit sRGB, dB.
-fn psnr_db(a: &Picture, b: &Picture, exposure_ev: f32) -> f64 {
-    let (a, b) = (a.srgb8(exposure_ev), b.srgb8(exposure_ev));
-    let square: f64 = a.iter().zip(&b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
-    10.0 * (255.0 * 255.0 * a.len() as f64 / square.max(1e-9)).log10()
 }
 
 /// Returns the seconds after which a row of pictures has the quality asked for: between two of them as the logarithm of time.
@@ -83,7 +75,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
         for samples in SAMPLES {
             for (row, denoise) in rows.iter_mut().zip([false, true]) {
                 let (picture, s) = drawn(scene, size, samples, denoise)?;
-                row.push(Measured { samples, db: psnr_db(&picture, &truth, scene.exposure_ev), s });
+                row.push(Measured { samples, db: picture.psnr_db(&truth, scene.exposure_ev), s });
             }
         }
         for (plain, filtered) in rows[0].iter().zip(&rows[1]) {

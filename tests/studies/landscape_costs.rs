@@ -10,7 +10,7 @@ use btf_models::{LeafDescription, Species, TextureImages};
 use btf_synth::{Existing, PlantsParams, write_plants};
 use btf_viewer::{
     BackendChoice, Control, DaylightParts, GpuTracer, Instance, Landscape, LandscapeParams, Outdoors, RenderParams,
-    Scene, ShadeOptions, render,
+    Scene, render,
 };
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -66,15 +66,7 @@ pub(crate) fn as_triangles(landscape: Landscape, folder: &Path) -> Result<Scene,
 
 /// Least mean time of a frame, seconds.
 fn frame_s(scene: &Scene, size: [u32; 2], frames: u32, backend: BackendChoice) -> Result<f64, Box<dyn Error>> {
-    let params = RenderParams {
-        size,
-        frames,
-        backend,
-        adapter: None,
-        shade: ShadeOptions::default(),
-        target_ms: None,
-        denoise: false,
-    };
+    let params = RenderParams { size, frames, backend, ..RenderParams::default() };
     let (mut least, mut spent) = (f64::INFINITY, 0.0);
     for _ in 0..3 {
         let s = 1e-3 * render(scene, &params, &Control::SILENT)?.report.frame_ms;

@@ -62,6 +62,12 @@ impl Picture {
         Ok(())
     }
 
+    /// Returns the peak signal-to-noise ratio of this picture and another one of the same size as 8-bit sRGB values, dB; at most 200,
+    /// for equal ones.
+    pub fn psnr_db(&self, other: &Picture, exposure_ev: f32) -> f64 {
+        psnr_db(&self.radiance, &other.radiance, exposure_ev)
+    }
+
     /// Returns the bytes of an 8-bit sRGB PNG; `path` is for messages.
     ///
     /// # Errors

@@ -64,6 +64,16 @@ pub fn build_programs(profile: &str) -> Result<(), Failure> {
     run_checked(&mut build)
 }
 
+/// Returns the folder below the target folder that has what a profile of cargo's makes.
+pub fn folder_of(profile: &str) -> &str {
+    if profile == "dev" { "debug" } else { profile }
+}
+
+/// Returns the name of a program's file.
+pub fn program_file(name: &str) -> String {
+    format!("{name}{}", std::env::consts::EXE_SUFFIX)
+}
+
 /// Runs a program while its output is passed on line by line, and returns that output, both streams together.
 pub fn run_and_read(command: &mut Command) -> Result<(ExitStatus, String), Failure> {
     println!("$ {}", line_of(command));

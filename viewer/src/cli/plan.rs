@@ -58,8 +58,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
         backend: render.backend(),
         adapter: render.adapter.clone(),
         shade: render.shade(),
-        target_ms: None,
-        denoise: false,
+        ..RenderParams::default()
     };
     let folder = &arguments.out;
     // Before the work, so that nobody waits for a refusal.

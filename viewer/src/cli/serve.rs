@@ -23,12 +23,10 @@ pub(super) fn run(arguments: &ServeArguments) -> Result<(), ViewerError> {
     let render = &arguments.render;
     let usual = RenderParams {
         size: [1, 1],
-        frames: 1,
         backend: render.backend(),
         adapter: render.adapter.clone(),
         shade: render.shade(),
-        target_ms: None,
-        denoise: false,
+        ..RenderParams::default()
     };
     let mut server = PictureServer::new(usual, render.packing());
     let ended =

@@ -37,14 +37,8 @@ impl Shader<'_> {
 
     /// Returns the radiance towards the eye through a pixel, and what it took.
     pub(crate) fn path_radiance(&self, pixel: [u32; 2]) -> ([f32; 3], PixelHit) {
-        let mut path = Path {
-            origin: self.camera.eye,
-            direction: self.camera.direction(pixel[0], pixel[1], self.jitter),
-            throughput: Vec3::ONE,
-            scattered: false,
-            density: 0.0,
-            travelled: 0.0,
-        };
+        let direction = self.camera.direction(pixel[0], pixel[1], self.jitter);
+        let mut path = Path::from_eye(self.camera.eye, direction);
         let mut done = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0 };
         let mut radiance = Vec3::ZERO;
         for depth in 1..=self.options.depth {

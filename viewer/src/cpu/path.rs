@@ -52,6 +52,13 @@ pub(crate) struct Path {
     pub travelled: f32,
 }
 
+impl Path {
+    /// Returns the path of a ray from the eye.
+    pub(crate) fn from_eye(eye: Vec3, direction: Vec3) -> Path {
+        Path { origin: eye, direction, throughput: Vec3::ONE, scattered: false, density: 0.0, travelled: 0.0 }
+    }
+}
+
 /// Plays Russian roulette with the number `at` in [0, 1): dim paths end, the others carry the share of those. Returns
 /// the throughput of a path that goes on.
 pub(crate) fn roulette(throughput: Vec3, at: f32) -> Option<Vec3> {

@@ -14,14 +14,16 @@ const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 const MIN_ALBEDO: f32 = 0.02;
 /// Differences of luminance that count as noise, in standard deviations.
 const LUMINANCE_DEVIATIONS: f32 = 4.0;
-/// Differences of the distance that count as those of one slope, over what the slope makes.
-const SLOPES: f32 = 1.0;
+/// Share of the nearness by which it may differ on any slope.
+const LEVEL: f32 = 0.02;
 /// Exponent of the cosine between two normals.
 const NORMAL_POWER: i32 = 64;
 /// Length of a mean normal from which on it is one.
 const MIN_NORMAL: f32 = 0.3;
-/// Pixels around one over which the variance is a mean, along each axis.
-const VARIANCE_RADIUS: i32 = 3;
+/// Weights along an axis of the pixels around one over which its variance is a mean: that of a single one is known from two values.
+const VARIANCE_TAPS: [f32; 7] = [1.0; 7];
+/// Weights along an axis of the neighbours from which a pass learns a pixel's variance.
+const NEAR_TAPS: [f32; 3] = [0.25, 0.5, 0.25];
 
 /// A picture's light as the filter has it.
 #[derive(Clone, Copy)]
@@ -47,7 +49,7 @@ impl Size {
 /// Returns the picture without its noise. `radiance` is the mean of `samples` samples, at least two, `halfway` that of the first
 /// `samples / 2` of them: what they differ by is noise. As a picture has more samples, less is filtered.
 ///
-/// Cost: some 0.3 us a pixel on one core, shared by all.
+/// Cost: 125 taps a pixel, shared by all cores.
 pub(crate) fn a_trous(
     radiance: &[[f32; 3]],
     halfway: &[[f32; 3]],
@@ -70,7 +72,9 @@ pub(crate) fn a_trous(
             Light { light, variance: apart * apart * first * rest / (all * all) }
         })
         .collect();
-    let mut now = with_mean_variance(&single, size);
+    let variances = variance_around(&single, size, &VARIANCE_TAPS);
+    let mut now: Vec<Light> =
+        single.iter().zip(variances).map(|(light, variance)| Light { variance, ..*light }).collect();
     let slopes: Vec<f32> = (0..radiance.len()).into_par_iter().map(|pixel| slope(features, size, pixel)).collect();
     for pass in 0..PASSES {
         now = filtered(&now, features, &slopes, size, 1 << pass);
@@ -78,21 +82,22 @@ pub(crate) fn a_trous(
     now.iter().enumerate().map(|(pixel, of)| (of.light * albedo(pixel) + features[pixel].own).to_array()).collect()
 }
 
-/// Returns the light with the variance that it has around each pixel: that of one is known from two values.
-fn with_mean_variance(lights: &[Light], size: Size) -> Vec<Light> {
+/// Returns the mean variance around each pixel, by the weights of an odd number of taps along both axes.
+fn variance_around(lights: &[Light], size: Size, taps: &[f32]) -> Vec<f32> {
     let Size([width, _]) = size;
+    let radius = taps.len() as i32 / 2;
     let mean = |pixel: usize| {
         let (x, y) = (pixel as i32 % width, pixel as i32 / width);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for j in -VARIANCE_RADIUS..=VARIANCE_RADIUS {
-            for i in -VARIANCE_RADIUS..=VARIANCE_RADIUS {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (j, row) in (-radius..).zip(taps) {
+            for (i, tap) in (-radius..).zip(taps) {
                 if let Some(other) = size.pixel(x + i, y + j) {
-                    sum += lights[other].variance;
-                    count += 1.0;
+                    sum += row * tap * lights[other].variance;
+                    weights += row * tap;
                 }
             }
         }
-        Light { variance: sum / count, ..lights[pixel] }
+        sum / weights
     };
     (0..lights.len()).into_par_iter().map(mean).collect()
 }
@@ -123,14 +128,14 @@ fn likeness(a: &Features, b: &Features, slope: f32, far: f32) -> f32 {
         (-4.0 * (length_a - length_b).abs()).exp()
     };
     let nearness = a.nearness.max(b.nearness);
-    let apart = (a.nearness - b.nearness).abs() / (SLOPES * slope * far + 0.02 * nearness + f32::MIN_POSITIVE);
+    let apart = (a.nearness - b.nearness).abs() / (slope * far + LEVEL * nearness + f32::MIN_POSITIVE);
     normals * (-apart).exp()
 }
 
 /// Returns one pass of the filter, whose taps are `step` pixels apart.
 fn filtered(lights: &[Light], features: &[Features], slopes: &[f32], size: Size, step: i32) -> Vec<Light> {
     let Size([width, _]) = size;
-    let blurred = with_near_variance(lights, size);
+    let blurred = variance_around(lights, size, &NEAR_TAPS);
     let one = |pixel: usize| {
         let (x, y) = (pixel as i32 % width, pixel as i32 / width);
         let here = lights[pixel].light.dot(LUMINANCE);
@@ -155,25 +160,6 @@ fn filtered(lights: &[Light], features: &[Features], slopes: &[f32], size: Size,
         Light { light: light / weights, variance: variance / (weights * weights) }
     };
     (0..lights.len()).into_par_iter().map(one).collect()
-}
-
-/// Returns the variance, blurred over each pixel's neighbours.
-fn with_near_variance(lights: &[Light], size: Size) -> Vec<f32> {
-    let Size([width, _]) = size;
-    let blur = |pixel: usize| {
-        let (x, y) = (pixel as i32 % width, pixel as i32 / width);
-        let (mut sum, mut weights) = (0.0, 0.0);
-        for (j, row) in [0.25, 0.5, 0.25].into_iter().enumerate() {
-            for (i, tap) in [0.25, 0.5, 0.25].into_iter().enumerate() {
-                if let Some(other) = size.pixel(x + i as i32 - 1, y + j as i32 - 1) {
-                    sum += row * tap * lights[other].variance;
-                    weights += row * tap;
-                }
-            }
-        }
-        sum / weights
-    };
-    (0..lights.len()).into_par_iter().map(blur).collect()
 }
 
 #[cfg(test)]

@@ -63,14 +63,7 @@ pub(crate) fn features_of(
 impl Shader<'_> {
     /// Adds what the eye's ray through a pixel meets first.
     fn add_features(&self, [x, y]: [u32; 2], sum: &mut Features) {
-        let path = Path {
-            origin: self.camera.eye,
-            direction: self.camera.direction(x, y, self.jitter),
-            throughput: Vec3::ONE,
-            scattered: false,
-            density: 0.0,
-            travelled: 0.0,
-        };
+        let path = Path::from_eye(self.camera.eye, self.camera.direction(x, y, self.jitter));
         let back = -path.direction;
         let haze = self.air_radiance(path.direction);
         let (hit, sunk) = self.trace_closest(path.origin, path.direction);

@@ -44,6 +44,21 @@ pub struct RenderParams {
     pub denoise: bool,
 }
 
+impl Default for RenderParams {
+    /// Returns those of a picture of 512 x 512 pixels with one frame, by whichever renderer there is.
+    fn default() -> RenderParams {
+        RenderParams {
+            size: [512, 512],
+            frames: 1,
+            backend: BackendChoice::Auto,
+            adapter: None,
+            shade: ShadeOptions::default(),
+            target_ms: None,
+            denoise: false,
+        }
+    }
+}
+
 impl RenderParams {
     /// Checks that size, frames, depth and light samples are within their ranges.
     ///
@@ -387,15 +402,7 @@ mod tests {
     }
 
     fn cpu(size: [u32; 2]) -> RenderParams {
-        RenderParams {
-            size,
-            frames: 1,
-            backend: BackendChoice::Cpu,
-            adapter: None,
-            shade: ShadeOptions::default(),
-            target_ms: None,
-            denoise: false,
-        }
+        RenderParams { size, backend: BackendChoice::Cpu, ..RenderParams::default() }
     }
 
     #[test]

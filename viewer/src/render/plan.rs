@@ -390,19 +390,10 @@ mod tests {
     use crate::Camera;
     use crate::MeshChoice;
     use crate::gpu::backend::BackendChoice;
-    use crate::options::ShadeOptions;
     use glam::Vec3;
 
     fn params() -> RenderParams {
-        RenderParams {
-            size: [48, 48],
-            frames: 1,
-            backend: BackendChoice::Cpu,
-            adapter: None,
-            shade: ShadeOptions::default(),
-            target_ms: None,
-            denoise: false,
-        }
+        RenderParams { size: [48, 48], backend: BackendChoice::Cpu, ..RenderParams::default() }
     }
 
     fn planned(distance: f32, goal_db: f64) -> Plan {

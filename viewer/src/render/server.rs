@@ -105,7 +105,7 @@ mod tests {
 
     fn usual() -> RenderParams {
         let (backend, shade) = (BackendChoice::Cpu, ShadeOptions::default());
-        RenderParams { size: [1, 1], frames: 1, backend, adapter: None, shade, target_ms: None, denoise: false }
+        RenderParams { size: [1, 1], backend, shade, ..RenderParams::default() }
     }
 
     fn request(scene: &std::path::Path, more: &str) -> PictureRequest {

@@ -258,15 +258,7 @@ mod tests {
         scene.lights = vec![PointLight { position: light, intensity: [light.length_squared() * 3.0; 3] }];
         let shade = ShadeOptions { levels: false, ..ShadeOptions::default() };
         let backend = BackendChoice::Cpu;
-        let params = RenderParams {
-            size: [128, 128],
-            frames: 1,
-            backend,
-            adapter: None,
-            shade,
-            target_ms: None,
-            denoise: false,
-        };
+        let params = RenderParams { size: [128, 128], backend, shade, ..RenderParams::default() };
         render(&scene, &params, &Control::SILENT).unwrap()
     }
 

@@ -32,7 +32,7 @@ fn sheet(colour: DiffuseColour) -> Scene {
 }
 
 fn draw(scene: &Scene, size: [u32; 2], frames: u32, backend: BackendChoice, shade: ShadeOptions) -> Rendered {
-    let params = RenderParams { size, frames, backend, adapter: None, shade, target_ms: None, denoise: false };
+    let params = RenderParams { size, frames, backend, shade, ..RenderParams::default() };
     render(scene, &params, &Control::SILENT).unwrap()
 }
 

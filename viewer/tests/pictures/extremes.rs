@@ -32,12 +32,8 @@ fn scene(part: MeshPart) -> Scene {
 }
 
 fn draw(scene: &Scene, backend: BackendChoice, size: [u32; 2], shade: ShadeOptions) -> Rendered {
-    render(
-        scene,
-        &RenderParams { size, frames: 2, backend, adapter: None, shade, target_ms: None, denoise: false },
-        &Control::SILENT,
-    )
-    .unwrap()
+    render(scene, &RenderParams { size, frames: 2, backend, shade, ..RenderParams::default() }, &Control::SILENT)
+        .unwrap()
 }
 
 /// Numbers of a picture that no picture may hold.

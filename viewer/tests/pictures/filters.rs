@@ -15,7 +15,7 @@ fn draw(filter: Filter, frames: u32, backend: BackendChoice) -> Rendered {
     let shade = ShadeOptions { filter, ..ShadeOptions::default() };
     render(
         &scene,
-        &RenderParams { size: [32, 32], frames, backend, adapter: None, shade, target_ms: None, denoise: false },
+        &RenderParams { size: [32, 32], frames, backend, shade, ..RenderParams::default() },
         &Control::SILENT,
     )
     .unwrap()

@@ -186,15 +186,7 @@ fn scene(mesh: MeshChoice) -> Scene {
 }
 
 fn draw(scene: &Scene, backend: BackendChoice, frames: u32) -> Rendered {
-    let params = RenderParams {
-        size: [160, 120],
-        frames,
-        backend,
-        adapter: None,
-        shade: ShadeOptions::default(),
-        target_ms: None,
-        denoise: false,
-    };
+    let params = RenderParams { size: [160, 120], frames, backend, ..RenderParams::default() };
     render(scene, &params, &Control::SILENT).unwrap()
 }
 
@@ -321,8 +313,7 @@ fn traced_paths_are_the_cpus() {
     scene.materials[0].mirror = [0.5, 0.4, 0.3];
     let path = |backend, depth| {
         let shade = ShadeOptions { mode: RenderMode::Path, depth, ..ShadeOptions::default() };
-        let params =
-            RenderParams { size: [96, 72], frames: 2, backend, adapter: None, shade, target_ms: None, denoise: false };
+        let params = RenderParams { size: [96, 72], frames: 2, backend, shade, ..RenderParams::default() };
         render(&scene, &params, &Control::SILENT).unwrap()
     };
     let cpu = path(BackendChoice::Cpu, 4);
@@ -351,15 +342,7 @@ fn a_surrounding_picture_lights_as_on_the_cpu() {
     for mode in [RenderMode::Direct, RenderMode::Path] {
         let picture = |scene: &Scene, backend| {
             let shade = ShadeOptions { mode, depth: 3, ..ShadeOptions::default() };
-            let params = RenderParams {
-                size: [96, 72],
-                frames: 2,
-                backend,
-                adapter: None,
-                shade,
-                target_ms: None,
-                denoise: false,
-            };
+            let params = RenderParams { size: [96, 72], frames: 2, backend, shade, ..RenderParams::default() };
             render(scene, &params, &Control::SILENT).unwrap()
         };
         let cpu = picture(&scene, BackendChoice::Cpu);

@@ -7,8 +7,8 @@ use btf_runtime::testing::sample_asset;
 use btf_runtime::{Asset, DecodeOptions, Layer, Resident, ResidualKind, SurfaceSide, decode, pack};
 use btf_viewer::testing::jitter;
 use btf_viewer::{
-    BackendChoice, Camera, Control, Material, PointLight, RenderParams, Scene, SceneAsset, SceneObject, ShadeOptions,
-    plane, quad, render,
+    BackendChoice, Camera, Control, Material, PointLight, RenderParams, Scene, SceneAsset, SceneObject, plane, quad,
+    render,
 };
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -59,15 +59,7 @@ fn scene(asset: &Asset, others: Vec<SceneObject>, light_back: bool, eye_back: bo
 }
 
 fn draw(scene: &Scene, backend: BackendChoice) -> Vec<[f32; 3]> {
-    let params = RenderParams {
-        size: SIZE,
-        frames: 1,
-        backend,
-        adapter: None,
-        shade: ShadeOptions::default(),
-        target_ms: None,
-        denoise: false,
-    };
+    let params = RenderParams { size: SIZE, backend, ..RenderParams::default() };
     render(scene, &params, &Control::SILENT).unwrap().picture.radiance
 }
 

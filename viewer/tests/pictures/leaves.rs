@@ -81,8 +81,7 @@ fn light_up(scene: &mut Scene) {
 }
 
 fn draw(scene: &Scene, backend: BackendChoice, shade: ShadeOptions) -> Rendered {
-    let params =
-        RenderParams { size: [96, 72], frames: 2, backend, adapter: None, shade, target_ms: None, denoise: false };
+    let params = RenderParams { size: [96, 72], frames: 2, backend, shade, ..RenderParams::default() };
     render(scene, &params, &Control::SILENT).unwrap()
 }
 
@@ -244,15 +243,8 @@ fn white_leaves_in_a_white_world_are_not_to_be_seen() {
             }
         }
         let shade = ShadeOptions { mode: RenderMode::Path, depth: 64, ..ShadeOptions::default() };
-        let params = RenderParams {
-            size: [64, 48],
-            frames: 16,
-            backend: BackendChoice::Cpu,
-            adapter: None,
-            shade,
-            target_ms: None,
-            denoise: false,
-        };
+        let params =
+            RenderParams { size: [64, 48], frames: 16, backend: BackendChoice::Cpu, shade, ..RenderParams::default() };
         let rendered = render(&scene, &params, &Control::SILENT).unwrap();
         let seen: Vec<f32> = rendered
             .picture

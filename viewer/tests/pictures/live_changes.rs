@@ -147,8 +147,7 @@ fn pictures_on_demand_are_those_of_a_server_that_drew_nothing_before() {
     ];
     for backend in backends("pictures_on_demand_are_those_of_a_server_that_drew_nothing_before") {
         let shade = ShadeOptions::default();
-        let usual =
-            RenderParams { size: [1, 1], frames: 1, backend, adapter: None, shade, target_ms: None, denoise: false };
+        let usual = RenderParams { size: [1, 1], backend, shade, ..RenderParams::default() };
         let draw = |server: &mut PictureServer, view: &str| {
             server.draw(&request(view), &Control::SILENT).unwrap().picture.radiance
         };

@@ -46,15 +46,7 @@ fn scene_of(folder: &TempDir, text: &str) -> Result<Scene, String> {
 /// Linear pixels of the mean of `frames` samples.
 fn pixels(scene: &Scene, mode: RenderMode, frames: u32) -> Vec<[f32; 3]> {
     let shade = ShadeOptions { mode, depth: 4, ..ShadeOptions::default() };
-    let params = RenderParams {
-        size: SIZE,
-        frames,
-        backend: BackendChoice::Cpu,
-        adapter: None,
-        shade,
-        target_ms: None,
-        denoise: false,
-    };
+    let params = RenderParams { size: SIZE, frames, backend: BackendChoice::Cpu, shade, ..RenderParams::default() };
     render(scene, &params, &Control::SILENT).unwrap().picture.radiance
 }
 

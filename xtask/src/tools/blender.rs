@@ -6,7 +6,7 @@ use super::python_module::{self, Build};
 use crate::counts::{Counts, from_unittest};
 use crate::failure::Failure;
 use crate::files::{copy, copy_folder, failed, files_of, make_empty};
-use crate::shell::{build_programs, root, run_and_read, run_checked};
+use crate::shell::{build_programs, folder_of, program_file, root, run_and_read, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -95,14 +95,7 @@ pub fn test(target: &Path, extension: &Path, kind: Build) -> Result<Counts, Fail
 
 /// Returns the folder of the programs.
 fn programs(target: &Path, kind: Build) -> PathBuf {
-    target.join(match kind {
-        Build::Release => "release",
-        Build::Tests => "debug",
-    })
-}
-
-fn program_file(name: &str) -> String {
-    format!("{name}{}", std::env::consts::EXE_SUFFIX)
+    target.join(folder_of(kind.profile()))
 }
 
 /// Names the staged wheel in the staged manifest, and the one platform that it is for.

@@ -2,7 +2,7 @@
 
 use crate::failure::Failure;
 use crate::files::{copy, failed, files_of, make_empty};
-use crate::shell::{cargo, root, run_and_read, run_checked};
+use crate::shell::{cargo, folder_of, root, run_and_read, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -17,7 +17,7 @@ const LICENCES: [&str; 3] = ["LICENSE-MIT", "LICENSE-APACHE", "NOTICE"];
 /// share/doc/btf.
 pub fn install(target: &Path, prefix: &Path, profile: &str) -> Result<(), Failure> {
     run_checked(&mut cargo(&["build", "--quiet", "--package", "btf-runtime-c", "--lib", "--profile", profile]))?;
-    let built = target.join(if profile == "dev" { "debug" } else { profile });
+    let built = target.join(folder_of(profile));
     let package = root().join(PACKAGE);
     let into = |folder: &str| -> Result<_, Failure> {
         let folder = prefix.join(folder);

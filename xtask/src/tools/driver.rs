@@ -13,7 +13,7 @@ use std::process::Command;
 const MIN_MESA: u32 = 25;
 const ICD_FOLDERS: [&str; 3] = ["/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
 /// Environment variables with which lavapipe compiles a shader in a quarter of the time: four lanes and no optimiser. Pictures take
-/// longer, which for those of tests is less than what compiling takes.
+/// longer, which for those of tests is less than what compiling takes. The tests of the decoder's shaders set them by themselves, too.
 pub const QUICK_COMPILER: [(&str, &str); 2] = [("LP_NATIVE_VECTOR_WIDTH", "128"), ("GALLIVM_PERF", "nopt")];
 const BACKPORTS_FILE: &str = "/etc/apt/sources.list.d/btf-backports.sources";
 

@@ -5,7 +5,7 @@ use super::{browser, driver, wasm, wasm_bindgen};
 use crate::counts::{Counts, from_tap};
 use crate::failure::Failure;
 use crate::files::{copy, copy_folder, failed, files_of};
-use crate::shell::{build_programs, root, run_and_read, run_checked};
+use crate::shell::{build_programs, folder_of, root, run_and_read, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -58,7 +58,7 @@ pub fn publish(page: &Path, folder: &Path) -> Result<(), Failure> {
 /// btf-view in this profile.
 pub fn test(target: &Path, page: &Path, package: &Path, profile: &str) -> Result<Counts, Failure> {
     build_programs(profile)?;
-    let binaries = target.join(if profile == "dev" { "debug" } else { profile });
+    let binaries = target.join(folder_of(profile));
     let pictures = target.join("web/pictures");
     std::fs::create_dir_all(&pictures).map_err(|error| failed(&pictures, &error))?;
     let mut node = Command::new("node");

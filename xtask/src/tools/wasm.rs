@@ -4,7 +4,7 @@
 
 use super::apt::{self, is_root_on_debian};
 use crate::failure::Failure;
-use crate::shell::{answer_of, cargo, run_checked};
+use crate::shell::{answer_of, cargo, folder_of, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -63,8 +63,7 @@ pub fn build(target: &Path, package: &str, file: &str, profile: &str) -> Result<
         command.env("__CARGO_TESTS_ONLY_SRC_ROOT", folder);
     }
     run_checked(&mut command)?;
-    let folder = if profile == "dev" { "debug" } else { profile };
-    Ok(own.join(TARGET).join(folder).join(file))
+    Ok(own.join(TARGET).join(folder_of(profile)).join(file))
 }
 
 fn library(target: &Path) -> Option<Library> {

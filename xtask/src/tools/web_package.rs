@@ -5,7 +5,7 @@ use super::{browser, wasm};
 use crate::counts::{Counts, from_tap};
 use crate::failure::Failure;
 use crate::files::failed;
-use crate::shell::{answer_of, cargo, root, run_and_read, run_checked};
+use crate::shell::{answer_of, cargo, folder_of, program_file, root, run_and_read, run_checked};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -57,8 +57,7 @@ pub fn build(target: &Path, profile: &str) -> Result<PathBuf, Failure> {
 /// features that it has in the tests, and is not compiled once more.
 fn example(target: &Path, name: &str, profile: &str) -> Result<Command, Failure> {
     run_checked(&mut cargo(&["build", "--quiet", "--workspace", "--profile", profile, "--example", name]))?;
-    let folder = if profile == "dev" { "debug" } else { profile };
-    Ok(Command::new(target.join(folder).join("examples").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))))
+    Ok(Command::new(target.join(folder_of(profile)).join("examples").join(program_file(name))))
 }
 
 /// Runs the tests of the package in Node.js: what it answers is compared with the runtime's own answers. Those in a browser are
