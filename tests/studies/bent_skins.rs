@@ -6,7 +6,7 @@
 
 use btf_runtime::testing::Random;
 use btf_runtime::voltex::Voltex;
-use btf_viewer::{LodTransition, Pattern, SceneSkin, Shell, ShellParams, Skin, SkinVertex, Volumes};
+use btf_viewer::{LodTransition, Pattern, SceneSkin, ShellParams, Skin, SkinVertex, Volumes};
 use btf_voxelize::{Frame, MicroflakeColour, Occluder, TriangleModel, VoltexParams, build_voltex};
 use glam::Vec3;
 use std::error::Error;
@@ -72,8 +72,7 @@ impl LeavesInCube {
             SkinVertex::new(base, height, [x as f32, y as f32])
         };
         let skin = Skin::from_grid(SIDE, SIDE, vertex, |_, _| 0).expect("a skin");
-        let shell = Shell::new(&skin, &ShellParams::default()).expect("a skin");
-        let skin = SceneSkin { rest: skin, shell, patterns: vec![Pattern::cyclic(0)], leaf_width: 0.0 };
+        let skin = SceneSkin::new(skin, &ShellParams::default(), vec![Pattern::cyclic(0)], 0.0).expect("a skin");
         let volumes = Volumes::new(vec![self.volume.clone()], &[], vec![skin]).expect("a skin");
         let cells = (0..SIDE).flat_map(|i| (0..SIDE).map(move |j| [i, j]));
         let copies: Vec<[Vec3; 3]> = cells

@@ -111,7 +111,9 @@ fn both(landscape: Landscape, view: View, folder: &Path) -> Result<Both, Box<dyn
     let of_ground = volumes.geometry.triangles().len() as u32;
     let mut skin_words = 0;
     for skin in volumes.volumes.iter().flat_map(|volumes| volumes.skins()) {
-        skin_words += skin.shell.words()?.len();
+        for level in &skin.levels {
+            skin_words += level.shell.words()?.len();
+        }
     }
     let geometry = &triangles.geometry;
     let plants = geometry.triangles().len() - of_ground as usize;

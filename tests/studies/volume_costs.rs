@@ -13,7 +13,7 @@ use btf_models::{LeafDescription, Species, TextureImages};
 use btf_runtime::voltex::Voltex;
 use btf_synth::{Existing, PlantsParams, write_plants};
 use btf_viewer::{
-    Camera, DiscreteJitter, Material, MeshPart, Pattern, PointLight, Scene, SceneMesh, SceneObject, SceneSkin, Shell,
+    Camera, DiscreteJitter, Material, MeshPart, Pattern, PointLight, Scene, SceneMesh, SceneObject, SceneSkin,
     ShellParams, Skin, SkinVertex, Variant, VolumePlace, Volumes, load_meshes, standing,
 };
 use btf_voxelize::{MicroflakeColour, TriangleModel, VoltexParams, build_voltex};
@@ -120,8 +120,7 @@ fn land_skin(tree: &Tree, side: u32) -> Volumes {
         SkinVertex::new(Vec3::new(u * texel - 1.0, 0.0, 1.0 - v * texel), Vec3::Y * texel, [u, v])
     };
     let skin = Skin::from_grid(side, side, vertex, |_, _| 0).expect("a skin");
-    let shell = Shell::new(&skin, &ShellParams::default()).expect("a shell");
-    let skin = SceneSkin { rest: skin, shell, patterns: vec![pattern()], leaf_width: 0.0 };
+    let skin = SceneSkin::new(skin, &ShellParams::default(), vec![pattern()], 0.0).expect("a shell");
     Volumes::new(vec![tree.voltex.clone()], &[], vec![skin]).expect("volumes")
 }
 

@@ -112,8 +112,8 @@ pub use scene::scene::{
 pub use scene::volume::{load_volume, standing};
 pub use volume::skin::{
     CellMap, CellSpan, CellWalk, Corners, DiscreteJitter, Interval, Jitter, LayerSpan, MAX_MERGED, Merged, NO_LINK,
-    NO_VOLUME, Noise, Pattern, Shell, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet, TextureMap,
-    TextureRay, Variant, Walk, Wind,
+    NO_VOLUME, Noise, Pattern, Shell, ShellLevel, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet,
+    TextureMap, TextureRay, Variant, Walk, Wind,
 };
 pub use volume::volumes::{SceneSkin, VolumePlace, Volumes};
 #[cfg(feature = "window")]

@@ -5,6 +5,10 @@ const VOLUME_SCATTER_NUMBERS: u32 = 6u;
 const VOLUME_LIGHT_NUMBERS: u32 = 7u;
 // Density of directions that are drawn over the whole sphere, per steradian.
 const SPHERE_DENSITY: f32 = 0.07957747;
+// Directions of what surrounds the scene from which one is drawn, and steps from one to the next, in turns.
+const SKY_CANDIDATES: u32 = 4u;
+const SKY_STEP_X: f32 = 0.25;
+const SKY_STEP_Y: f32 = 0.618034;
 
 // Whether rays may meet volumes. Where a scene has none, no_volumes.wgsl stands in for this file.
 const WITH_VOLUMES: bool = true;
@@ -54,7 +58,7 @@ struct NearPoints {
     weight: f32,
     // Their light without shadow.
     unshadowed: vec3<f32>,
-    // The one at which is asked how much light passes, as likely as what it hides, and the light there.
+    // The one at which is asked how much light passes, as likely as what it adds without shadow, and the light there.
     drawn: VolumePoint,
     light: VolumeSource,
     // Of the whole ray: the share of the pixel that is hidden, and one place, as likely as its share.
@@ -84,12 +88,7 @@ fn trace_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Volume
         near.drawn = near.chosen;
         near.light = sun;
         if source == around {
-            near.light = volume_surroundings(sky_at);
-            if most(near.light.incident) > 0.0 {
-                let reflected = volume_reflected(near.drawn, near.light.towards, VOLUME_AROUND_ROUGHNESS);
-                let passed = air_passed(path, near.drawn.t);
-                near.unshadowed = near.total * passed * near.light.incident * reflected;
-            }
+            near.unshadowed = near.total * air_passed(path, near.drawn.t) * volume_draw_surroundings(&near, sky_at);
         }
         let transmittance = volume_march(path, t_max, sun, &near, &open, &met);
         if source == 0u {
@@ -213,13 +212,14 @@ fn volume_gather(path: Path, point: VolumePoint, sun: VolumeSource, near: ptr<fu
     }
     let passed = air_passed(path, point.t);
     if most(light.incident) > 0.0 {
-        (*near).unshadowed += passed * point.weight * light.incident * volume_reflected(point, light.towards, 0.0);
+        let own = passed * point.weight * light.incident * volume_reflected(point, light.towards, 0.0);
+        (*near).unshadowed += own;
+        if sampler_one((*near).seed + (*near).draws + 1u) * dot((*near).unshadowed, vec3<f32>(1.0)) < dot(own, vec3<f32>(1.0)) {
+            (*near).drawn = point;
+            (*near).light = light;
+        }
     }
     (*near).weight += point.weight;
-    if sampler_one((*near).seed + (*near).draws + 1u) * (*near).weight < point.weight {
-        (*near).drawn = point;
-        (*near).light = light;
-    }
     // One place for everything that takes a ray of its own.
     if (*near).source == 0u {
         (*near).total += point.weight;
@@ -267,6 +267,27 @@ fn volume_surroundings(at: vec2<f32>) -> VolumeSource {
         source.incident = frame.ambient / (TRACE_PI * SPHERE_DENSITY);
     }
     return source;
+}
+
+// Draws the light of a direction of what surrounds the scene: of some candidates one, as likely as what it adds without shadow. Returns
+// the light that the drawn place reflects and transmits of it.
+fn volume_draw_surroundings(near: ptr<function, NearPoints>, at: vec2<f32>) -> vec3<f32> {
+    var sum = 0.0;
+    var kept = vec3<f32>(0.0);
+    for (var k = 0u; k < SKY_CANDIDATES; k++) {
+        let light = volume_surroundings(fract(at + f32(k) * vec2<f32>(SKY_STEP_X, SKY_STEP_Y)));
+        if most(light.incident) > 0.0 {
+            let reflected = light.incident * volume_reflected((*near).drawn, light.towards, VOLUME_AROUND_ROUGHNESS);
+            let weight = dot(reflected, vec3<f32>(1.0));
+            sum += weight;
+            // Places draw numbers above the seed.
+            if sampler_one((*near).seed - k) * sum < weight {
+                kept = reflected / weight;
+                (*near).light = light;
+            }
+        }
+    }
+    return kept * (sum / f32(SKY_CANDIDATES));
 }
 
 // Adds what the latest ray meets in volumes before what it hit.

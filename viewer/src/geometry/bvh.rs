@@ -69,12 +69,35 @@ impl Geometry {
         lod_transition: &LodTransition,
     ) -> Hit {
         let spheres = lod_transition.along(origin, direction);
-        let traced = Traced { geometry: self, origin, direction, t_max, any, spheres };
-        #[cfg(target_arch = "x86_64")]
-        if let Some(lanes) = pulp::x86::V3::try_new() {
-            return lanes.vectorize(TracedIn { lanes, traced });
-        }
-        traced.hit(Portable)
+        Traced { geometry: self, origin, direction, t_max, any, spheres, fronts: &AllFronts }.hit_in_lanes()
+    }
+
+    /// Traces a ray: returns the nearest hit with 0 < t < `t_max` of those whose front the ray meets and that are there.
+    pub(crate) fn trace_fronts(&self, origin: Vec3, direction: Vec3, t_max: f32, fronts: &dyn Fronts) -> Hit {
+        let spheres = LodTransition::MESHES.along(origin, direction);
+        Traced { geometry: self, origin, direction, t_max, any: AnyHit::Front, spheres, fronts }.hit_in_lanes()
+    }
+}
+
+/// The fronts that are there for a ray.
+pub(crate) trait Fronts {
+    /// Returns from where to where along the ray those of an instance may be there; nowhere where the end is not behind the begin.
+    fn range(&self, instance: u32) -> [f32; 2];
+
+    /// Tells whether one of an instance is there at t.
+    fn is_there(&self, instance: u32, t: f32) -> bool;
+}
+
+/// All fronts.
+struct AllFronts;
+
+impl Fronts for AllFronts {
+    fn range(&self, _: u32) -> [f32; 2] {
+        [0.0, f32::INFINITY]
+    }
+
+    fn is_there(&self, _: u32, _: f32) -> bool {
+        true
     }
 }
 
@@ -87,6 +110,7 @@ struct Traced<'a> {
     t_max: f32,
     any: AnyHit,
     spheres: SpheresAlong,
+    fronts: &'a dyn Fronts,
 }
 
 /// A ray to be traced in wide registers.
@@ -107,6 +131,15 @@ impl pulp::NullaryFnOnce for TracedIn<'_> {
 }
 
 impl Traced<'_> {
+    /// Traces the ray in the widest registers that there are.
+    fn hit_in_lanes(self) -> Hit {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(lanes) = pulp::x86::V3::try_new() {
+            return lanes.vectorize(TracedIn { lanes, traced: self });
+        }
+        self.hit(Portable)
+    }
+
     /// Traces the ray.
     #[inline(always)]
     fn hit(self, lanes: impl Lanes) -> Hit {
@@ -145,17 +178,32 @@ impl<L: Lanes> Leaves for Instances<'_, L> {
     #[inline(always)]
     fn visit(&mut self, stack: &mut Stack, instance: u32, _: u32, reach: &mut f32) -> bool {
         // Into the mesh's own space, where t is the same because the direction is not made unit again.
-        let Traced { geometry, origin, direction, any, spheres, .. } = self.traced;
+        let Traced { geometry, origin, direction, any, spheres, fronts, .. } = self.traced;
         let placed = &geometry.instances()[instance as usize];
+        // Where the mesh begins to be there, and beyond what nothing counts; of fronts the ray begins only there.
+        let ([from, last], begin) = match any {
+            AnyHit::Front => (fronts.range(instance), fronts.range(instance)[0].max(0.0)),
+            AnyHit::Yes | AnyHit::No => (spheres.mesh(placed.leaf_width), 0.0),
+        };
+        if from >= last.min(*reach) {
+            return false;
+        }
         let own = placed.object_from_world(direction, 0.0);
-        let origin = placed.object_from_world(origin, 1.0);
+        let origin = placed.object_from_world(origin + direction * begin, 1.0);
         let ray = BoxRay::new(origin, own);
-        // Where the mesh begins to be there, and beyond what nothing counts.
-        let [from, last] = spheres.mesh(placed.leaf_width);
         let ray_of_triangles = TriangleRay::new(origin, own, any == AnyHit::Front);
-        let mut triangles =
-            Triangles { lanes: self.lanes, geometry, ray: ray_of_triangles, from, any, instance, best: None };
-        let mut own_reach = reach.min(last);
+        let mut triangles = Triangles {
+            lanes: self.lanes,
+            geometry,
+            ray: ray_of_triangles,
+            begin,
+            from,
+            any,
+            instance,
+            fronts,
+            best: None,
+        };
+        let mut own_reach = reach.min(last) - begin;
         let ends = walk(self.lanes, stack, geometry.nodes(), placed.root, &ray, &mut own_reach, &mut triangles);
         if let Some(hit) = triangles.best {
             (self.best, *reach) = (hit, hit.t);
@@ -169,9 +217,12 @@ struct Triangles<'a, L> {
     lanes: L,
     geometry: &'a Geometry,
     ray: TriangleRay,
+    /// Where the ray begins; t counts from there in the walk.
+    begin: f32,
     from: f32,
     any: AnyHit,
     instance: u32,
+    fronts: &'a dyn Fronts,
     best: Option<Hit>,
 }
 
@@ -188,9 +239,10 @@ impl<L: Lanes> Leaves for Triangles<'_, L> {
             let corners = self.geometry.corner_lanes(primitive);
             if let Some((t, u, v)) = self.lanes.intersect(&self.ray, corners)
                 && t < *reach
-                && t >= self.from
+                && self.begin + t >= self.from
+                && (self.any != AnyHit::Front || self.fronts.is_there(self.instance, self.begin + t))
             {
-                self.best = Some(Hit { t, primitive, u, v, instance: self.instance });
+                self.best = Some(Hit { t: self.begin + t, primitive, u, v, instance: self.instance });
                 *reach = t;
                 if self.any == AnyHit::Yes {
                     return true;

@@ -23,8 +23,9 @@ const NO_INSTANCE: u32 = 0xffffffffu;
 // primitives that are met.
 const NODES_MET: u32 = 0xff000000u;
 
-// Traces a ray from node `root` on: returns the hit that `which` asks for, one of HIT_ANY, HIT_NEAREST and HIT_FRONT [Ylitie 2017].
-fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, which: u32) -> Hit {
+// Traces a ray from node `root` on: returns the hit that `which` asks for, one of HIT_ANY, HIT_NEAREST and HIT_FRONT [Ylitie 2017]. Of
+// fronts, those count that are there; `begin` is where `origin` is along the ray that they are entered by.
+fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, begin: f32, t_max: f32, which: u32) -> Hit {
     var best = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     let spheres = lod_transition_along(lod_transition, origin, direction);
     // Where the mesh that the ray is in begins to be there, and beyond what nothing counts.
@@ -80,11 +81,18 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
             ray = box_ray(object_from_world(instance, vec4<f32>(origin, 1.0)), own);
             shear = shear_new(own);
             nodes = vec2<u32>(instances[instance].root, 0x80000000u);
-            // Fronts are those of volumes' proxies, which are entered wherever they are.
-            if with_lod_transition && which != HIT_FRONT {
-                let there = lod_transition_mesh(spheres, instances[instance].leaf_width);
+            if with_lod_transition {
+                var there = vec2<f32>(0.0);
+                if which == HIT_FRONT {
+                    there = volume_range(spheres, instance, begin);
+                } else {
+                    there = lod_transition_mesh(spheres, instances[instance].leaf_width);
+                }
                 from_t = there.x;
                 reach = min(best.t, there.y);
+                if from_t >= reach {
+                    nodes.y = 0u;
+                }
             }
             continue;
         }
@@ -94,6 +102,9 @@ fn bvh_trace(root: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32, whi
             primitives.y &= ~(1u << bit);
             let hit = bvh_intersect(ray.origin, shear, primitives.x + bit, which == HIT_FRONT);
             if hit.primitive != NO_HIT && hit.t < reach && hit.t >= from_t {
+                if with_lod_transition && which == HIT_FRONT && !volume_is_there(spheres, instance, begin, hit.t) {
+                    continue;
+                }
                 best = hit;
                 reach = hit.t;
                 best.instance = instance;

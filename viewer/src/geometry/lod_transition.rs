@@ -84,6 +84,25 @@ impl SpheresAlong {
         [self.nearest - half, self.nearest + half]
     }
 
+    /// Tells whether the place at `t` is beyond the sphere of one width and within that of another; 0 is no sphere.
+    #[inline(always)]
+    pub fn is_between(&self, inner_width: f32, outer_width: f32, t: f32) -> bool {
+        let along = t - self.nearest;
+        let distance2 = self.apart2 + along * along;
+        let [inner, outer] = [inner_width, outer_width].map(|width| width * self.radius_widths);
+        (inner_width <= 0.0 || distance2 >= inner * inner) && (outer_width <= 0.0 || distance2 < outer * outer)
+    }
+
+    /// Returns from where to where along the ray, from `first` on, places lie beyond the sphere of one width and within that of another, 0
+    /// being no sphere; some between may not. The end lies before the begin where none do.
+    #[inline(always)]
+    pub fn range_between(&self, inner_width: f32, outer_width: f32, first: f32) -> [f32; 2] {
+        let [begin, end] = self.mesh(outer_width);
+        let begin = begin.max(first);
+        let [enter, leave] = if inner_width > 0.0 { self.mesh(inner_width) } else { [0.0; 2] };
+        [if (enter..leave).contains(&begin) { leave } else { begin }, end]
+    }
+
     /// Returns the parts of the stretch from `t0` to `t1` that lie before and behind the mesh that a volume stands in
     /// for: two stretches, of which those that end where they begin or before are empty.
     pub fn volume(&self, leaf_width: f32, [t0, t1]: [f32; 2]) -> [[f32; 2]; 2] {

@@ -68,6 +68,24 @@ fn lod_transition_mesh(spheres: SpheresAlong, leaf_width: f32) -> vec2<f32> {
     return vec2<f32>(spheres.nearest - half, spheres.nearest + half);
 }
 
+// Tells whether the place at `t` is beyond the sphere of one width and within that of another; 0 is no sphere.
+fn lod_transition_is_between(spheres: SpheresAlong, inner_width: f32, outer_width: f32, t: f32) -> bool {
+    let along = t - spheres.nearest;
+    let distance2 = spheres.apart2 + along * along;
+    let inner = inner_width * spheres.radius_widths;
+    let outer = outer_width * spheres.radius_widths;
+    return (inner_width <= 0.0 || distance2 >= inner * inner) && (outer_width <= 0.0 || distance2 < outer * outer);
+}
+
+// Returns from where to where along the ray, from `first` on, places lie beyond the sphere of one width and within that of another, 0
+// being no sphere; some between may not. The end lies before the begin where none do.
+fn lod_transition_range_between(spheres: SpheresAlong, inner_width: f32, outer_width: f32, first: f32) -> vec2<f32> {
+    let outer = lod_transition_mesh(spheres, outer_width);
+    let begin = max(outer.x, first);
+    let inner = select(vec2<f32>(0.0), lod_transition_mesh(spheres, inner_width), inner_width > 0.0);
+    return vec2<f32>(select(begin, inner.y, inner.x <= begin && begin < inner.y), outer.y);
+}
+
 // Returns the parts of the stretch from `t0` to `t1` that lie before (x, y) and behind (z, w) the mesh that a volume
 // stands in for; those that end where they begin or before are empty.
 fn lod_transition_volume(spheres: SpheresAlong, leaf_width: f32, t0: f32, t1: f32) -> vec4<f32> {

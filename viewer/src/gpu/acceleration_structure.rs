@@ -105,22 +105,26 @@ fn check_limits(gpu: &Gpu, geometry: &Geometry) -> Result<(), ViewerError> {
 
 /// Returns the size of each mesh, and whether the shader decides on the hits of it.
 fn mesh_sizes(geometry: &Geometry, scene: &Scene) -> Vec<wgpu::BlasTriangleGeometrySizeDescriptor> {
-    // What volumes stand in for is there within a sphere only: the shader decides on each of its hits.
-    let mut has_volume = vec![false; geometry.meshes().len()];
+    // What volumes stand in for is there within a sphere only, and shells between two: the shader decides on each of their hits.
+    let mut is_asked = vec![false; geometry.meshes().len()];
     for (number, instance) in scene.geometry.instances().iter().enumerate() {
-        has_volume[geometry.mesh_of(number)] |= instance.leaf_width > 0.0;
+        is_asked[geometry.mesh_of(number)] |= instance.leaf_width > 0.0;
+    }
+    let proxies = scene.geometry.instances().len()..geometry.instances().len();
+    if scene.volumes.as_ref().is_some_and(|volumes| volumes.has_levels()) {
+        proxies.for_each(|number| is_asked[geometry.mesh_of(number)] = true);
     }
     let opaque = wgpu::AccelerationStructureGeometryFlags::OPAQUE;
     geometry
         .meshes()
         .iter()
-        .zip(has_volume)
-        .map(|(mesh, has_volume)| wgpu::BlasTriangleGeometrySizeDescriptor {
+        .zip(is_asked)
+        .map(|(mesh, is_asked)| wgpu::BlasTriangleGeometrySizeDescriptor {
             vertex_format: wgpu::VertexFormat::Float32x3,
             vertex_count: geometry.vertices().len() as u32,
             index_format: Some(wgpu::IndexFormat::Uint32),
             index_count: Some(3 * mesh.triangles),
-            flags: if has_volume { wgpu::AccelerationStructureGeometryFlags::empty() } else { opaque },
+            flags: if is_asked { wgpu::AccelerationStructureGeometryFlags::empty() } else { opaque },
         })
         .collect()
 }

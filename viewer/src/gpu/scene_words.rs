@@ -8,6 +8,7 @@ use crate::gpu::expand::LayerBases;
 use crate::gpu::pieces::Pieces;
 use crate::scene::asset::SceneAsset;
 use crate::scene::scene::Scene;
+use crate::volume::skin::ShellLevel;
 use std::ops::Range;
 
 /// The arrays of a scene in the arena, and their numbers.
@@ -109,10 +110,12 @@ impl SceneWords {
     pub(crate) fn write_skins(&self, scene: &Scene) {
         let Some(volumes) = &scene.volumes else { return };
         for (number, skin) in volumes.skins().iter().enumerate() {
-            let moving = skin.shell.moving_words();
-            let mut words = vec![0; moving.end];
-            skin.shell.write_moving(&mut words);
-            self.arena.write(self.volumes + volumes.shell_array(number), &words, moving);
+            for (level, ShellLevel { shell, .. }) in skin.levels.iter().enumerate() {
+                let moving = shell.moving_words();
+                let mut words = vec![0; moving.end];
+                shell.write_moving(&mut words);
+                self.arena.write(self.volumes + volumes.shell_array(number) + level, &words, moving);
+            }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The shader texts are valid and are twins of their Rust: structs, functions and constants.
 
 use crate::cpu::path::Numbers;
-use crate::cpu::{direct_light, shader};
+use crate::cpu::{direct_light, shader, volumes};
 use crate::geometry::bvh::{AnyHit, NO_HIT, NO_INSTANCE, STACK};
 use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::{Instance, Triangle, Vertex};
@@ -22,7 +22,7 @@ use crate::options::{Filter, RenderMode, SkyLight};
 use crate::scene::material::NOISE_OCTAVES;
 use crate::volume::skin::{MAX_CELLS, NO_LINK, NO_VOLUME};
 use crate::volume::volumes::MAX_PASSAGES;
-use crate::volume::words::NO_PATTERNS;
+use crate::volume::words::{NO_PATTERNS, PROXY_WORDS};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use std::mem::{offset_of, size_of};
 
@@ -198,6 +198,7 @@ fn twins_hold_the_same_functions_in_the_same_order() {
         "shell_face",
         "volume_slot_of",
         "volume_offset",
+        "volume_widths",
         // Operators and iterators of Rust.
         "most",
         "volume_times",
@@ -292,8 +293,10 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("VOLUME_CHOICE_NUMBERS", Numbers::VolumeChoice as u32),
         ("VOLUME_SCATTER_NUMBERS", Numbers::VolumeScatter as u32),
         ("VOLUME_LIGHT_NUMBERS", Numbers::VolumeLight as u32),
+        ("SKY_CANDIDATES", volumes::SKY_CANDIDATES),
         ("NO_VOLUME", NO_VOLUME),
         ("NO_PATTERNS", NO_PATTERNS),
+        ("PROXY_WORDS", PROXY_WORDS as u32),
         ("MAX_PASSAGES", MAX_PASSAGES as u32),
         // One more, for a ray to the light.
         ("PASSAGE_SLOTS", MAX_PASSAGES as u32 + 1),

@@ -278,10 +278,12 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Tells whether volumes stand in for meshes where their leaves are small.
+    /// Tells whether something depends on the distance from the eye: volumes that stand in for meshes where their leaves are small, or
+    /// shells of skins.
     pub(crate) fn hands_over(&self) -> bool {
         let proxies = self.volumes.iter().map(|volumes| volumes.proxies());
         proxies.chain([&*self.geometry]).any(|geometry| geometry.widest_leaf() > 0.0)
+            || self.volumes.iter().any(|volumes| volumes.has_levels())
     }
 
     /// Makes one of the built-in scenes, or a mesh file: in a file with one asset or leaf every part with texture

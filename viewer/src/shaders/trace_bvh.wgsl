@@ -2,16 +2,17 @@
 
 // Returns the nearest hit of a mesh.
 fn trace_mesh(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
-    return bvh_trace(frame.root, origin, direction, TRACE_FAR, HIT_NEAREST);
+    return bvh_trace(frame.root, origin, direction, 0.0, TRACE_FAR, HIT_NEAREST);
 }
 
 // Returns whether a mesh is in the way.
 fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool {
-    return bvh_trace(frame.root, origin, direction, distance, HIT_ANY).primitive != NO_HIT;
+    return bvh_trace(frame.root, origin, direction, 0.0, distance, HIT_ANY).primitive != NO_HIT;
 }
 
-// Returns any hit of a mesh, or the nearest face by which the ray enters a volume's proxy.
-fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
+// Returns any hit of a mesh, or the nearest face by which the ray enters a volume's proxy, from `begin` on.
+fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, begin: f32, t_max: f32) -> Hit {
     let root = select(frame.volume_root, frame.root, meshes);
-    return bvh_trace(root, origin, direction, t_max, select(HIT_FRONT, HIT_ANY, meshes));
+    let which = select(HIT_FRONT, HIT_ANY, meshes);
+    return bvh_trace(root, origin + direction * begin, direction, begin, t_max - begin, which);
 }

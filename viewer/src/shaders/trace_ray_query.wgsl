@@ -14,17 +14,19 @@ const RAY_FLAG_CULL_BACK_FACING: u32 = 0x10u;
 
 // Returns the nearest hit of a mesh.
 fn trace_mesh(origin: vec3<f32>, direction: vec3<f32>) -> Hit {
-    return trace_with(0u, RAY_MESHES, origin, direction, TRACE_FAR);
+    return trace_with(0u, RAY_MESHES, origin, direction, 0.0, TRACE_FAR);
 }
 
-// Returns any hit of a mesh, or the nearest face by which the ray enters a volume's proxy.
-fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
+// Returns any hit of a mesh, or the nearest face by which the ray enters a volume's proxy, from `begin` on.
+fn trace_any_or_front(meshes: bool, origin: vec3<f32>, direction: vec3<f32>, begin: f32, t_max: f32) -> Hit {
     let flags = select(RAY_FLAG_CULL_BACK_FACING, RAY_FLAG_TERMINATE_ON_FIRST_HIT, meshes);
-    return trace_with(flags, select(RAY_PROXIES, RAY_MESHES, meshes), origin, direction, t_max);
+    let mask = select(RAY_PROXIES, RAY_MESHES, meshes);
+    return trace_with(flags, mask, origin + direction * begin, direction, begin, t_max - begin);
 }
 
-// Traces a ray through the instances of `mask`; meshes that volumes stand in for count within their spheres only.
-fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Hit {
+// Traces a ray through the instances of `mask`; meshes that volumes stand in for count within their spheres only. `begin` is where
+// `origin` is along the ray by which volumes are entered.
+fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, begin: f32, t_max: f32) -> Hit {
     var hit = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     let spheres = lod_transition_along(lod_transition, origin, direction);
     let widest = lod_transition_mesh(spheres, frame.widest_leaf);
@@ -41,11 +43,16 @@ fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_
         let asked = select(RAY_WITH_VOLUMES, mask, part == 0u);
         rayQueryInitialize(&query, acceleration, RayDesc(flags, asked, from_t, reach, origin, direction));
         while (rayQueryProceed(&query)) {
-            // What is handed over is not opaque: it is there within its own sphere only.
+            // What is handed over is not opaque: it is there within its own sphere only, and a skin's shell between its two.
             if with_lod_transition {
                 let met = rayQueryGetCandidateIntersection(&query);
-                let there = lod_transition_mesh(spheres, instances[met.instance_custom_data].leaf_width);
-                if met.t >= there.x && met.t < there.y {
+                let instance = met.instance_custom_data;
+                let there = lod_transition_mesh(spheres, instances[instance].leaf_width);
+                var is_there = met.t >= there.x && met.t < there.y;
+                if mask == RAY_PROXIES {
+                    is_there = volume_is_there(spheres, instance, begin, met.t);
+                }
+                if is_there {
                     rayQueryConfirmIntersection(&query);
                 }
             }
@@ -62,5 +69,5 @@ fn trace_with(flags: u32, mask: u32, origin: vec3<f32>, direction: vec3<f32>, t_
 
 // Returns whether a mesh is in the way.
 fn trace_occluded(origin: vec3<f32>, direction: vec3<f32>, distance: f32) -> bool {
-    return trace_with(RAY_FLAG_TERMINATE_ON_FIRST_HIT, RAY_MESHES, origin, direction, distance).primitive != NO_HIT;
+    return trace_with(RAY_FLAG_TERMINATE_ON_FIRST_HIT, RAY_MESHES, origin, direction, 0.0, distance).primitive != NO_HIT;
 }

@@ -12,8 +12,8 @@ const END: f32 = 1.0 / 255.0;
 const MAX_DEPTH: f32 = 7.824_046;
 /// Least share of a pixel that a segment must hide to count: less may be there or not by rounding.
 const MIN_OPACITY: f32 = 1e-5;
-/// Share of a pixel that must be hidden before light is asked for anew.
-const SHADOW_STEP: f32 = 1.0 / 16.0;
+/// Share of a pixel that must be hidden before light is asked for anew. 1/16 takes twice as long, for 2 % less noise of a lawn's picture.
+const SHADOW_STEP: f32 = 1.0 / 2.0;
 /// Least roughness of microflakes in light from all around, of which one direction is drawn at one place of all that a
 /// ray sees: without it a microflake that is seen from its edge, and rarely drawn, would be as bright as all of them.
 pub(crate) const AROUND_ROUGHNESS: f32 = 0.7;
@@ -71,8 +71,8 @@ impl Level {
         let scale = map.determinant().abs().cbrt();
         let voxels = width * scale * (1u32 << voltex.level_count()) as f32;
         let level = voxels.clamp(1e-9, 1e9).log2().clamp(0.0, voltex.level_count() as f32);
-        let finer = level.floor();
-        Level { finer: finer as u32, part: level - finer }
+        let finer = level as u32;
+        Level { finer, part: level - finer as f32 }
     }
 
     /// Returns what the microflakes of the finer and of the next coarser level count for along `d`, which differ in
@@ -169,7 +169,7 @@ impl Volumes {
         mut each: impl FnMut(VolumePoint),
     ) -> f32 {
         let mut through = 1.0;
-        for stretch in self.stretches(origin, direction, t_max).beyond_mesh(lod_transition) {
+        for stretch in self.stretches(origin, direction, t_max, lod_transition).beyond_mesh() {
             let voltex = self.volume(stretch.volume);
             let map = stretch.volume_from_world;
             let level = Level::of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)));
@@ -205,7 +205,7 @@ impl Volumes {
     /// Returns the optical depth along a ray, through voxels `width` wide.
     pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, lod_transition: &LodTransition, width: f32) -> f32 {
         let mut sum = 0.0;
-        for stretch in self.stretches_in_turn(origin, direction, t_max).beyond_mesh(lod_transition) {
+        for stretch in self.stretches_in_turn(origin, direction, t_max, lod_transition).beyond_mesh() {
             let voltex = self.volume(stretch.volume);
             let level = Level::of(voltex, &stretch.volume_from_world, width);
             let d = stretch.ray.direction;
@@ -230,7 +230,7 @@ pub(crate) fn asks_anew(hidden: f32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volume::skin::{Pattern, Shell, ShellParams, Skin, SkinVertex};
+    use crate::volume::skin::{Pattern, ShellLevel, ShellParams, Skin, SkinVertex};
     use crate::volume::volumes::{SceneSkin, VolumePlace};
     use btf_runtime::testing::{Random, random_volume};
     use glam::{Mat4, Quat};
@@ -380,8 +380,7 @@ mod tests {
             SkinVertex::new(Vec3::new(at[0], 0.0, -at[1]), Vec3::Y, at)
         };
         let skin = Skin::from_grid(3, 2, vertex, |_, _| 0).unwrap();
-        let shell = Shell::new(&skin, &ShellParams::default()).unwrap();
-        let skin = SceneSkin { rest: skin, shell, patterns: vec![Pattern::cyclic(0)], leaf_width: 0.0 };
+        let skin = SceneSkin::new(skin, &ShellParams::default(), vec![Pattern::cyclic(0)], 0.0).unwrap();
         let skins = Volumes::new(vec![own.clone()], &[], vec![skin]).unwrap();
         // The volume's z is the world's y.
         let y_up =
@@ -399,5 +398,74 @@ mod tests {
             let (a, b) = (depth(&skins, from, towards), depth(&boxes, from, towards));
             assert!(far(a, b) < 5e-3, "{a} {b} from {from} along {towards}");
         }
+    }
+
+    #[test]
+    fn skins_are_entered_by_the_shell_of_the_distance_from_the_eye_and_nothing_of_them_is_missing_or_twice() {
+        let vertex = |x: u32, y: u32| {
+            let at = [x as f32, y as f32];
+            let lean = Vec3::new((1.7 * at[0]).sin() * 0.3, 1.0, (1.3 * at[1] + at[0]).cos() * 0.3);
+            SkinVertex::new(Vec3::new(at[0], 0.0, -at[1]), lean, at)
+        };
+        let skin = Skin::from_grid(6, 6, vertex, |_, _| 0).unwrap();
+        let params = ShellParams { tolerance: 0.01, ..ShellParams::default() };
+        let skin = SceneSkin::new(skin, &params, vec![Pattern::cyclic(0)], 0.0).unwrap();
+        let counts: Vec<usize> = skin.levels.iter().map(|level| level.shell.tets().len()).collect();
+        assert!(counts.len() >= 3 && counts.is_sorted_by(|finer, coarser| coarser < finer), "{counts:?}");
+        let widths: Vec<f32> = skin.levels.iter().map(|level| level.from_width).collect();
+        let alone = |level: usize| {
+            let levels = vec![ShellLevel { from_width: 0.0, ..skin.levels[level].clone() }];
+            Volumes::new(vec![voltex(3)], &[], vec![SceneSkin { levels, ..skin.clone() }]).unwrap()
+        };
+        let alone: Vec<Volumes> = (0..widths.len()).map(alone).collect();
+        let all = Volumes::new(vec![voltex(3)], &[], vec![skin.clone()]).unwrap();
+        // The ray's length in the skin, and how much of that is told twice.
+        let length = |volumes: &Volumes, from, towards, lod: &LodTransition| {
+            let (mut end, mut sums) = (0f32, [0f64; 2]);
+            for stretch in volumes.stretches(from, towards, 30.0, lod) {
+                sums[0] += f64::from(stretch.t1 - stretch.t0);
+                sums[1] += f64::from((end - stretch.t0).max(0.0));
+                end = stretch.t1;
+            }
+            sums
+        };
+        let mut random = Random::new(5);
+        // Rays of which a level is seen alone, rays through several; and of these lengths, what is told twice, and lengths by the finest.
+        let (mut seen, mut mixed, mut sums) = (vec![0; widths.len()], 0, [0.0; 3]);
+        for _ in 0..3000 {
+            let to = Vec3::new(random.within(0.5, 5.5), random.within(0.1, 0.9), random.within(-5.5, -0.5));
+            let mut from = to + random.within(0.1, 3.0) * direction(&mut random);
+            let towards = (to - from).normalize();
+            // At the ray's origin, or elsewhere as for rays to lights: near by, or so far away that all is one level.
+            let eye = match random.below(3) {
+                0 => from,
+                1 => from + direction(&mut random),
+                _ => {
+                    from = to - 0.3 * towards;
+                    to + 40.0 * direction(&mut random)
+                }
+            };
+            let widest = widths[widths.len() - 1];
+            let far = (to - eye).length();
+            let pixel_width = 0.3 * widths[1] / far * (10.0 * widest / widths[1]).powf(random.within(0.0, 1.0));
+            let lod = LodTransition::new(eye, pixel_width, 0.5);
+            let radius = |width: f32| lod.along(eye, Vec3::X).mesh(width)[1];
+            // From the nearest to the farthest place that the ray may have in the skin.
+            let closest = (eye - from).dot(towards).clamp(0.0, 8.0);
+            let nearest = (from + closest * towards).distance(eye);
+            let farthest = [0.0, 8.0].map(|t| (from + t * towards).distance(eye)).into_iter().fold(0.0, f32::max);
+            let level = |distance: f32| widths.iter().rposition(|w| *w == 0.0 || radius(*w) < distance).unwrap();
+            let [found, twice] = length(&all, from, towards, &lod);
+            if level(nearest) == level(farthest) {
+                assert_eq!([found, twice], length(&alone[level(nearest)], from, towards, &lod));
+                seen[level(nearest)] += usize::from(found > 0.0);
+            } else {
+                mixed += usize::from(found > 0.0);
+                let [of_finest, _] = length(&alone[0], from, towards, &lod);
+                sums = [sums[0] + found, sums[1] + twice, sums[2] + of_finest];
+            }
+        }
+        assert!(mixed > 500 && seen.iter().all(|count| *count > 100), "{mixed} {seen:?}");
+        assert!((sums[0] / sums[2] - 1.0).abs() < 0.01 && sums[1] < 0.01 * sums[2], "{sums:?}");
     }
 }

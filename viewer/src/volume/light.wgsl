@@ -9,7 +9,7 @@ const VOLUME_MIN_OPACITY: f32 = 1e-5;
 // Optical depth of what is darker: the twin's infinity.
 const VOLUME_BLACK: f32 = 1e4;
 // Share of a pixel that must be hidden before light is asked for anew.
-const VOLUME_SHADOW_STEP: f32 = 0.0625;
+const VOLUME_SHADOW_STEP: f32 = 0.5;
 // Least roughness of microflakes in light from all around.
 const VOLUME_AROUND_ROUGHNESS: f32 = 0.7;
 

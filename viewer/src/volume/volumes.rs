@@ -1,10 +1,13 @@
 //! The volumetric textures of a scene: free instances and thick skins, and the stretches of a ray within them. Twin:
 //! `volumes.wgsl`.
 
-use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
+use crate::geometry::bvh::{Fronts, Hit, NO_HIT};
 use crate::geometry::geometry::{Geometry, Mesh, Placement, Triangle, Vertex};
-use crate::geometry::lod_transition::LodTransition;
-use crate::volume::skin::{CellWalk, Pattern, Shell, Skin, SkinPlace, Walk as ShellWalk, Wind};
+use crate::geometry::lod_transition::{LodTransition, SpheresAlong};
+use crate::volume::skin::{
+    CellWalk, Merged, NO_VOLUME, Pattern, Shell, ShellLevel, ShellParams, Skin, SkinPlace, TextureRay, Variant,
+    Walk as ShellWalk, Wind,
+};
 use btf_runtime::voltex::{Voltex, VoltexRay};
 use glam::{Mat3, Mat4, Vec3};
 use std::sync::Arc;
@@ -25,12 +28,36 @@ pub struct VolumePlace {
 pub struct SceneSkin {
     /// The skin at rest.
     pub rest: Skin,
-    /// The tetrahedra of the skin, where the wind has moved them.
-    pub shell: Shell,
+    /// The tetrahedra of the skin, where the wind has moved them: shells from fine to coarse, one at least.
+    pub levels: Vec<ShellLevel>,
     /// Patterns that the faces of the skin name.
     pub patterns: Vec<Pattern>,
     /// Width of the leaves of the meshes that the skin stands in for, in the world; 0 where there are none.
     pub leaf_width: f32,
+}
+
+impl SceneSkin {
+    /// Returns a skin at rest with shells for all distances, whose finest is what `params` ask for. Cost: that of a few shells.
+    ///
+    /// # Errors
+    /// As [`Shell::new`].
+    pub fn new(rest: Skin, params: &ShellParams, patterns: Vec<Pattern>, leaf_width: f32) -> Result<SceneSkin, String> {
+        Ok(SceneSkin { levels: ShellLevel::all(&rest, params)?, rest, patterns, leaf_width })
+    }
+
+    /// Returns the finest shell.
+    ///
+    /// # Panics
+    /// If there is no level.
+    pub fn shell(&self) -> &Shell {
+        &self.levels[0].shell
+    }
+
+    /// Returns the widths in the world about whose spheres a level begins and ends to be entered; 0 where it begins at the eye, or does
+    /// not end.
+    pub(crate) fn widths(&self, level: usize) -> [f32; 2] {
+        [self.levels[level].from_width, self.levels.get(level + 1).map_or(0.0, |level| level.from_width)]
+    }
 }
 
 /// All volumes of a scene.
@@ -55,8 +82,13 @@ pub struct Volumes {
 pub(crate) enum Proxy {
     /// A volume on its own.
     Box(usize),
-    /// A skin.
-    Skin(usize),
+    /// A level of a skin.
+    Skin {
+        /// Number of the skin.
+        skin: usize,
+        /// Number of the level.
+        level: usize,
+    },
 }
 
 /// A part of a ray within one volume.
@@ -120,7 +152,7 @@ impl Volumes {
         let in_skins =
             skins.iter().flat_map(|skin| &skin.patterns).flat_map(|pattern| pattern.alternatives.as_flattened());
         let all_named = places.iter().all(|place| named(place.volume))
-            && in_skins.clone().all(|volume| *volume == crate::volume::skin::NO_VOLUME || named(*volume as usize));
+            && in_skins.clone().all(|volume| *volume == NO_VOLUME || named(*volume as usize));
         if !all_named {
             return Err("a volume is named that is not there".into());
         }
@@ -139,19 +171,23 @@ impl Volumes {
         let reach_of_boxes = largest;
         for (number, skin) in skins.iter().enumerate() {
             skin.patterns.iter().try_for_each(Pattern::check)?;
-            let shell = &skin.shell;
-            let triangle =
-                |(i, link): (u32, &u32)| Triangle { vertices: [0, 1, 2].map(|k| 3 * i + k), material: *link };
-            let triangles = (0..).zip(shell.boundary()).map(triangle).collect();
-            placements.push(Placement { mesh: meshes.len(), world_from_object: Mat4::IDENTITY });
-            meshes.push(Mesh { vertices: shell.boundary_corners().map(plain_vertex).collect(), triangles });
-            kinds.push(Proxy::Skin(number));
+            if skin.levels.is_empty() {
+                return Err("a skin has no shell".into());
+            }
+            for (level, ShellLevel { shell, .. }) in skin.levels.iter().enumerate() {
+                let triangle =
+                    |(i, link): (u32, &u32)| Triangle { vertices: [0, 1, 2].map(|k| 3 * i + k), material: *link };
+                let triangles = (0..).zip(shell.boundary()).map(triangle).collect();
+                placements.push(Placement { mesh: meshes.len(), world_from_object: Mat4::IDENTITY });
+                meshes.push(Mesh { vertices: shell.boundary_corners().map(plain_vertex).collect(), triangles });
+                kinds.push(Proxy::Skin { skin: number, level });
+            }
             largest = largest.max(skin.rest.thickness());
         }
         let mut proxies = Geometry::placed(meshes, &placements)?;
         proxies.set_leaf_widths(|mesh, number| match kinds[mesh] {
             Proxy::Box(_) => places[number].leaf_width,
-            Proxy::Skin(number) => skins[number].leaf_width,
+            Proxy::Skin { skin, .. } => skins[skin].leaf_width,
         });
         let stand_ins = (0, Vec::new());
         Ok(Volumes { volumes, skins, stand_ins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
@@ -164,12 +200,13 @@ impl Volumes {
     /// As [`Wind::displace`].
     pub fn advance_wind(&mut self, wind: &Wind, time_s: f64) -> Result<(), String> {
         for skin in &mut self.skins {
-            skin.shell.refresh(&wind.displace(&skin.rest, time_s)?)?;
+            let displaced = wind.displace(&skin.rest, time_s)?;
+            skin.levels.iter_mut().try_for_each(|level| level.shell.refresh(&displaced))?;
         }
+        let shells = || self.skins.iter().flat_map(|skin| &skin.levels).map(|level| &level.shell);
         // The boxes' corners come first.
-        let first = self.proxies.vertices().len()
-            - self.skins.iter().map(|skin| 3 * skin.shell.boundary().len()).sum::<usize>();
-        self.proxies.move_vertices(first, self.skins.iter().flat_map(|skin| skin.shell.boundary_corners()));
+        let first = self.proxies.vertices().len() - shells().map(|shell| 3 * shell.boundary().len()).sum::<usize>();
+        self.proxies.move_vertices(first, shells().flat_map(Shell::boundary_corners));
         Ok(())
     }
 
@@ -186,7 +223,7 @@ impl Volumes {
     pub(crate) fn stand_in_place(&self, placement: usize) -> Option<Mat4> {
         let (first, places) = &self.stand_ins;
         let place = places.get(placement.checked_sub(*first)?)?;
-        Some(place.world_from_object(&self.skins.first()?.shell))
+        Some(place.world_from_object(self.skins.first()?.shell()))
     }
 
     /// Returns a volume by its number.
@@ -217,11 +254,11 @@ impl Volumes {
     /// Returns how far before its origin a ray may have entered what it is in.
     pub(crate) fn reach(&self) -> f32 {
         // A ray along the land may have been within the skin all the way.
-        let of_skin = |number: usize| {
-            let [least, most] = self.proxies.mesh_bounds(self.volumes.len() + number);
+        let of_shell = |mesh: usize| {
+            let [least, most] = self.proxies.mesh_bounds(mesh);
             (most - least).max(Vec3::ZERO).length()
         };
-        (0..self.skins.len()).map(of_skin).fold(self.reach_of_boxes, f32::max)
+        (self.volumes.len()..self.kinds.len()).map(of_shell).fold(self.reach_of_boxes, f32::max)
     }
 
     /// Returns the length of the slices in which overlapping volumes are taken.
@@ -231,8 +268,8 @@ impl Volumes {
 
     /// Counts the volumes that stand on their own, and the skins.
     pub fn counts(&self) -> [usize; 2] {
-        let all = self.proxies.instances().len();
-        [all - self.skins.len().min(all), self.skins.len()]
+        let shells = self.skins.iter().map(|skin| skin.levels.len()).sum::<usize>();
+        [self.proxies.instances().len().saturating_sub(shells), self.skins.len()]
     }
 
     /// Returns the centre and radius of a sphere around them.
@@ -240,8 +277,20 @@ impl Volumes {
         self.proxies.bounding_sphere()
     }
 
-    /// Iterates over the stretches of a ray between 0 and `t_max`, in the order in which they begin.
-    pub fn stretches(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
+    /// Tells whether skins have several shells, of which distance decides.
+    pub(crate) fn has_levels(&self) -> bool {
+        self.skins.iter().any(|skin| skin.levels.len() > 1)
+    }
+
+    /// Iterates over the stretches of a ray between 0 and `t_max`, in the order in which they begin. Skins are entered by the shells that
+    /// `lod_transition` has there.
+    pub fn stretches(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        lod_transition: &LodTransition,
+    ) -> Stretches<'_> {
         let open = [const { None }; MAX_PASSAGES];
         let reach = self.reach();
         let mut stretches = Stretches {
@@ -249,6 +298,7 @@ impl Volumes {
             origin,
             direction,
             t_max,
+            spheres: lod_transition.along(origin, direction),
             from: -reach,
             reach,
             entry: None,
@@ -260,8 +310,14 @@ impl Volumes {
     }
 
     /// Iterates over the stretches of a ray volume by volume, for sums that need no order.
-    pub(crate) fn stretches_in_turn(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Stretches<'_> {
-        Stretches { most: 1, ..self.stretches(origin, direction, t_max) }
+    pub(crate) fn stretches_in_turn(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        lod_transition: &LodTransition,
+    ) -> Stretches<'_> {
+        Stretches { most: 1, ..self.stretches(origin, direction, t_max, lod_transition) }
     }
 }
 
@@ -274,19 +330,32 @@ enum Passage<'a> {
 /// A way through a skin.
 struct SkinPassage<'a> {
     skin: &'a SceneSkin,
+    shell: &'a Shell,
     walk: ShellWalk<'a>,
     cells: Option<Cells>,
+    /// The latest texel, by its pattern, and its content: tetrahedra that follow each other share it.
+    texel: Option<(u32, [i32; 2], Option<Variant>)>,
 }
 
 /// The texels within one tetrahedron.
 struct Cells {
     walk: CellWalk,
-    ray: crate::volume::skin::TextureRay,
+    ray: TextureRay,
     start: f32,
-    gradients: Mat3,
+    gradients: [Vec3; 3],
     pattern: u32,
-    /// Volumes that are merged with the one that was told last.
-    merged: Vec<Stretch>,
+    /// The stretch of the latest texel, and its volumes that are still to be told.
+    told: Option<(Stretch, Merged)>,
+}
+
+impl Cells {
+    /// Returns the stretch of the latest texel in its next volume.
+    fn merged(&mut self) -> Option<Stretch> {
+        let (stretch, volumes) = self.told.as_mut()?;
+        let last = volumes.iter_mut().rev().find(|volume| **volume != NO_VOLUME)?;
+        stretch.volume = std::mem::replace(last, NO_VOLUME) as usize;
+        Some(*stretch)
+    }
 }
 
 /// Iterator over the stretches of a ray.
@@ -295,6 +364,7 @@ pub struct Stretches<'a> {
     origin: Vec3,
     direction: Vec3,
     t_max: f32,
+    spheres: SpheresAlong,
     /// See [`Volumes::reach`].
     reach: f32,
     /// Entries are looked for from here on.
@@ -307,10 +377,9 @@ pub struct Stretches<'a> {
 }
 
 impl<'a> Stretches<'a> {
-    /// Iterates over the parts of the stretches in which volumes that stand in for meshes exist: beyond the spheres of
-    /// `lod_transition` only.
-    pub(crate) fn beyond_mesh(self, lod_transition: &LodTransition) -> impl Iterator<Item = Stretch> + use<'a> {
-        let spheres = lod_transition.along(self.origin, self.direction);
+    /// Iterates over the parts of the stretches in which volumes that stand in for meshes exist: beyond the spheres of the transition only.
+    pub(crate) fn beyond_mesh(self) -> impl Iterator<Item = Stretch> + use<'a> {
+        let spheres = self.spheres;
         self.flat_map(move |stretch| {
             let parts = spheres.volume(stretch.leaf_width, [stretch.t0, stretch.t1]);
             parts.into_iter().filter(|[t0, t1]| t0 < t1).map(move |[t0, t1]| Stretch { t0, t1, ..stretch })
@@ -325,7 +394,7 @@ impl<'a> Stretches<'a> {
         }
         let start = self.origin + self.direction * self.from;
         // Fronts alone: where volumes stand side by side, one is left by the face by which the next is entered.
-        let hit = self.volumes.proxies.trace(start, self.direction, self.t_max - self.from, AnyHit::Front);
+        let hit = self.volumes.proxies.trace_fronts(start, self.direction, self.t_max - self.from, self);
         if hit.primitive == NO_HIT {
             self.from = self.t_max;
             return;
@@ -363,11 +432,12 @@ impl<'a> Stretches<'a> {
                 };
                 (stretch.t1 > stretch.t0).then_some((stretch, Passage::Box))
             }
-            Proxy::Skin(number) => {
-                let skin = &volumes.skins[number];
+            Proxy::Skin { skin, level } => {
+                let skin = &volumes.skins[skin];
+                let shell = &skin.levels[level].shell;
                 let link = volumes.proxies.triangles()[hit.primitive as usize].material;
-                let walk = skin.shell.enter(self.origin, self.direction, link, t.max(0.0), self.t_max);
-                self.advance(Passage::Skin(Box::new(SkinPassage { skin, walk, cells: None })))
+                let walk = shell.enter(self.origin, self.direction, link, t.max(0.0), self.t_max);
+                self.advance(Passage::Skin(Box::new(SkinPassage { skin, shell, walk, cells: None, texel: None })))
             }
         }
     }
@@ -375,49 +445,71 @@ impl<'a> Stretches<'a> {
     /// Advances a passage to its next stretch.
     fn advance(&self, passage: Passage<'a>) -> Option<(Stretch, Passage<'a>)> {
         let Passage::Skin(mut way) = passage else { return None };
-        let SkinPassage { skin, walk, cells } = &mut *way;
+        let SkinPassage { skin, shell, walk, cells, texel } = &mut *way;
         loop {
             if let Some(own) = cells {
-                if let Some(stretch) = own.merged.pop() {
+                if let Some(stretch) = own.merged() {
                     return Some((stretch, Passage::Skin(way)));
                 }
                 if let Some(span) = own.walk.next() {
                     let pattern = &skin.patterns[own.pattern as usize];
-                    let Some(variant) = pattern.variant(span.cell) else { continue };
+                    let variant = match *texel {
+                        Some((of_pattern, cell, variant)) if of_pattern == own.pattern && cell == span.cell => variant,
+                        _ => pattern.variant(span.cell),
+                    };
+                    *texel = Some((own.pattern, span.cell, variant));
+                    let Some(variant) = variant else { continue };
                     let ray = variant.ray(own.ray);
-                    let rows = variant.volume_from_texture();
-                    let linear = Mat3::from_cols_array_2d(&rows.map(|[x, y, z, _]| [x, y, z])).transpose();
-                    let stretch = |volume: &u32| Stretch {
+                    let [[a, b], [c, d]] = variant.rows;
+                    let [u, v, w] = own.gradients;
+                    let rows = [a * u + b * v, c * u + d * v, variant.upright * w];
+                    let stretch = Stretch {
                         t0: span.t0,
                         t1: span.t1,
-                        volume: *volume as usize,
+                        volume: 0,
                         ray: VoltexRay { origin: ray.point.into(), direction: ray.direction.into() },
                         start: own.start,
-                        volume_from_world: linear * own.gradients,
+                        volume_from_world: Mat3::from_cols(rows[0], rows[1], rows[2]).transpose(),
                         leaf_width: skin.leaf_width,
                     };
-                    let merged = &pattern.alternatives[variant.alternative as usize];
-                    own.merged = merged
-                        .iter()
-                        .take_while(|volume| **volume != crate::volume::skin::NO_VOLUME)
-                        .map(stretch)
-                        .collect();
+                    own.told = Some((stretch, pattern.alternatives[variant.alternative as usize]));
                     continue;
                 }
             }
             let interval = walk.next()?;
-            let map = skin.shell.map(interval.tet);
+            let map = shell.map(interval.tet);
             let ray = map.ray(self.origin, self.direction, interval.t0);
-            let [u, v, w] = map.gradients;
             *cells = Some(Cells {
                 walk: CellWalk::new(ray, interval.t0, interval.t1),
                 ray,
                 start: interval.t0,
-                gradients: Mat3::from_cols(u, v, w).transpose(),
-                pattern: skin.shell.tets()[interval.tet as usize].pattern,
-                merged: Vec::new(),
+                gradients: map.gradients,
+                pattern: shell.tets()[interval.tet as usize].pattern,
+                told: None,
             });
         }
+    }
+}
+
+/// The fronts of proxies, along the ray from `from` on: of a skin's shells one is there to be entered, by the distance from the eye. What was
+/// entered before the ray began is entered by the shell of where it began, so shells do not hide each other.
+impl Fronts for Stretches<'_> {
+    fn range(&self, instance: u32) -> [f32; 2] {
+        let Proxy::Skin { skin, level } = self.volumes.proxy(instance as usize) else { return [0.0, f32::INFINITY] };
+        let [from_width, to_width] = self.volumes.skins[skin].widths(level);
+        let [begin, end] = self.spheres.range_between(from_width, to_width, 0.0);
+        match (begin <= 0.0, end <= 0.0) {
+            (_, true) => [0.0, 0.0],
+            // Before the ray began as well.
+            (true, false) => [0.0, end - self.from],
+            (false, false) => [begin - self.from, end - self.from],
+        }
+    }
+
+    fn is_there(&self, instance: u32, t: f32) -> bool {
+        let Proxy::Skin { skin, level } = self.volumes.proxy(instance as usize) else { return true };
+        let [from_width, to_width] = self.volumes.skins[skin].widths(level);
+        self.spheres.is_between(from_width, to_width, (self.from + t).max(0.0))
     }
 }
 

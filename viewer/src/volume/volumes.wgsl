@@ -8,6 +8,8 @@ const MAX_PASSAGES: u32 = 4u;
 // Slots for them, and one for a ray to the light, which goes through them in turn.
 const PASSAGE_SLOTS: u32 = 5u;
 const NO_VOLUME: u32 = 0xffffffffu;
+// Words of a proxy in the scene's table.
+const PROXY_WORDS: u32 = 4u;
 
 // Directions of a volume from those of the world, by rows.
 struct VolumeMap {
@@ -108,7 +110,7 @@ fn volume_find_entry(entries: ptr<function, Entries>) -> Hit {
     let from_t = select((*entries).from_t, 0.0, meshes);
     var hit = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     if from_t < t_max {
-        hit = trace_any_or_front(meshes, origin + direction * from_t, direction, t_max - from_t);
+        hit = trace_any_or_front(meshes, origin, direction, from_t, t_max);
     }
     if meshes {
         (*entries).asks_meshes = false;
@@ -124,7 +126,7 @@ fn volume_find_entry(entries: ptr<function, Entries>) -> Hit {
 
 // Returns the passage into what was found; its stretch is nowhere where that is a skin, or is missed.
 fn volume_enter(entries: Entries, hit: Hit) -> Passage {
-    let at = frame.proxies_at + 2u * (hit.instance - frame.first_proxy);
+    let at = frame.proxies_at + PROXY_WORDS * (hit.instance - frame.first_proxy);
     let start = max(hit.t, 0.0);
     var passage: Passage;
     passage.patterns = asset_word(at + 1u);
@@ -207,6 +209,27 @@ fn volume_advance(entries: Entries, passage: ptr<function, Passage>) -> bool {
         }
     }
     return false;
+}
+
+// Returns the widths about whose spheres a proxy begins and ends to be entered; 0 for no sphere.
+fn volume_widths(instance: u32) -> vec2<f32> {
+    let at = frame.proxies_at + PROXY_WORDS * (instance - frame.first_proxy);
+    return vec2<f32>(bitcast<f32>(asset_word(at + 2u)), bitcast<f32>(asset_word(at + 3u)));
+}
+
+// Returns from where to where along the ray from `begin` on a proxy may be there to be entered: of a skin's shells one is, by the distance
+// from the eye. What was entered before the ray began, at -begin, is entered by the shell of where it began, so shells do not hide each
+// other.
+fn volume_range(spheres: SpheresAlong, instance: u32, begin: f32) -> vec2<f32> {
+    let widths = volume_widths(instance);
+    let range = lod_transition_range_between(spheres, widths.x, widths.y, -begin);
+    return vec2<f32>(select(range.x, 0.0, range.x <= -begin), select(range.y, 0.0, range.y <= -begin));
+}
+
+// Tells whether a proxy is there to be entered at `t`.
+fn volume_is_there(spheres: SpheresAlong, instance: u32, begin: f32, t: f32) -> bool {
+    let widths = volume_widths(instance);
+    return lod_transition_is_between(spheres, widths.x, widths.y, max(t, -begin));
 }
 
 // Returns the number of the first component that is `value`, 4 for none.

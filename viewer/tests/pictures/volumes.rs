@@ -6,8 +6,8 @@ use btf_runtime::voltex::Voltex;
 use btf_viewer::{
     Ambient, Camera, CellMap, CpuPicture, DiscreteJitter, Environment, FrameRequest, GpuTracer, Jitter, Landscape,
     LandscapeParams, Material, NO_VOLUME, Noise, Pattern, PointLight, RenderMode, Scene, SceneChange, SceneMesh,
-    SceneObject, SceneSkin, ShadeOptions, Shell, ShellParams, Shown, Skin, SkinVertex, Sun, Tracer, Updated,
-    VolumePlace, Volumes, Wind, plane, sphere,
+    SceneObject, SceneSkin, ShadeOptions, ShellParams, Shown, Skin, SkinVertex, Sun, Tracer, Updated, VolumePlace,
+    Volumes, Wind, plane, sphere,
 };
 use glam::{Mat4, Quat, Vec3};
 use std::path::Path;
@@ -40,7 +40,6 @@ fn skin(seed: u32) -> SceneSkin {
     let straight = Skin::from_grid(5, 5, vertex, |x, y| (x + y) % 2).unwrap();
     let noise = Noise { wavelength: 0.7, period: [0; 3], seed: 5 };
     let leaning = Jitter { noise, coordinates: 0.0, length: 0.2, angle_deg: 20.0 }.apply(&straight).unwrap();
-    let shell = Shell::new(&leaning, &ShellParams { tolerance: 0.1, ..ShellParams::default() }).unwrap();
     let jitter =
         DiscreteJitter { empty: 0.2, scale: [0.5, 0.9], displacement: 0.3, margin: 0.1, turns: true, mirrors: true };
     // A map of three alternatives in more words than one, beyond which there is nothing.
@@ -50,7 +49,10 @@ fn skin(seed: u32) -> SceneSkin {
         cells: Some(Arc::new(CellMap { size: [5, 4], content })),
         ..Pattern::isolated(2, jitter, seed)
     };
-    SceneSkin { rest: leaning, shell, patterns: vec![Pattern::cyclic(3), isolated], leaf_width: 0.0 }
+    let params = ShellParams { tolerance: 0.03, ..ShellParams::default() };
+    let skin = SceneSkin::new(leaning, &params, vec![Pattern::cyclic(3), isolated], 0.0).unwrap();
+    assert!(skin.levels.len() > 1, "one shell alone shows no transition between shells");
+    skin
 }
 
 /// Volumes, `places` of the first two of them, and a skin.

@@ -6,7 +6,7 @@ use crate::error::ViewerError;
 use crate::scene::mesh_file::FileMesh;
 use crate::scene::volume::AS_IT_IS;
 use crate::volume::skin::{
-    DiscreteJitter, Jitter, MAX_MERGED, Merged, NO_VOLUME, Noise, Pattern, Shell, ShellParams, Skin, SkinVertex,
+    DiscreteJitter, Jitter, MAX_MERGED, Merged, NO_VOLUME, Noise, Pattern, ShellParams, Skin, SkinVertex,
 };
 use crate::volume::volumes::SceneSkin;
 use glam::{Mat4, Vec3};
@@ -106,8 +106,7 @@ impl SkinEntry {
         pattern.check().map_err(fault)?;
         let skin = self.mapped(meshes, world_from_skin).map_err(fault)?;
         let tolerance = TOLERANCE_VOXELS / (1u32 << finest) as f32;
-        let shell = Shell::new(&skin, &ShellParams { tolerance, ..ShellParams::default() }).map_err(fault)?;
-        Ok(SceneSkin { rest: skin, shell, patterns: vec![pattern], leaf_width: 0.0 })
+        SceneSkin::new(skin, &ShellParams { tolerance, ..ShellParams::default() }, vec![pattern], 0.0).map_err(fault)
     }
 
     fn pattern(&self, files: &mut VolumeFiles) -> Result<Pattern, ViewerError> {

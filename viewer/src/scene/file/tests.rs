@@ -66,8 +66,9 @@ fn a_wind_moves_skins_with_time_and_is_checked() {
     let wind = scene.wind.unwrap();
     assert_eq!((wind.speed_m_per_s, wind.direction, wind.gust_wavelength_m), (8.0, Vec3::Z, 3.0));
     assert_eq!(wind.leaning_speed_m_per_s, Wind::default().leaning_speed_m_per_s);
-    let south =
-        |scene: &Scene| scene.volumes.as_ref().unwrap().skins()[0].shell.positions().iter().map(|at| at.z).sum::<f32>();
+    let south = |scene: &Scene| {
+        scene.volumes.as_ref().unwrap().skins()[0].shell().positions().iter().map(|at| at.z).sum::<f32>()
+    };
     let at_rest = south(&loaded(skin).unwrap());
     let first = south(&scene);
     scene.blow(0.2).unwrap();

@@ -38,7 +38,7 @@ use crate::light::daylight::Daylight;
 use crate::scene::material::Material;
 use crate::scene::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
 use crate::scene::volume::{AS_IT_IS, tinted};
-use crate::volume::skin::{Shell, ShellParams, Wind};
+use crate::volume::skin::{ShellLevel, ShellParams, Wind};
 use crate::volume::volumes::{SceneSkin, Volumes};
 use btf_runtime::voltex::{Voltex, Volume};
 pub use counts::LandscapeCounts;
@@ -127,7 +127,8 @@ impl Landscape {
         };
         let Planted { terrain, skin, patterns, soil, cameras, wind, counts } = planted.map_err(made)?;
         let shell_params = ShellParams { tolerance: TOLERANCE_VOXELS / resolution as f32, ..ShellParams::default() };
-        let shell = Shell::new(&skin, &shell_params).map_err(made)?;
+        let levels = ShellLevel::all(&skin, &shell_params).map_err(made)?;
+        let shell = &levels[0].shell;
         let counts = LandscapeCounts {
             name: self.name().into(),
             tets: shell.tets().len() as u64,
@@ -140,7 +141,7 @@ impl Landscape {
         let Soil { reflectance, noise, unit_m } = soil;
         let material = Material { uv_scale: [1.0 / unit_m; 2], noise: Some(noise), ..Material::plain(reflectance) };
         let ground = SceneObject { part: terrain.ground(reflectance), material };
-        let land = Land { volumes: &volumes, shell: &shell, patterns: &patterns };
+        let land = Land { volumes: &volumes, shell, patterns: &patterns };
         let Models { meshes: models, shown, leaf_width, stand_ins } =
             place_models(self.name(), &params.meshes, self.plants(), &land)?;
         let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];
@@ -150,7 +151,7 @@ impl Landscape {
             let of_mesh = |mesh, _| if mesh == 0 { 0.0 } else { leaf_width };
             Arc::make_mut(&mut scene.geometry).set_leaf_widths(of_mesh);
         }
-        let skin = SceneSkin { rest: skin, shell, patterns, leaf_width };
+        let skin = SceneSkin { rest: skin, levels, patterns, leaf_width };
         let mut volumes = Volumes::new(volumes, &[], vec![skin]).map_err(made)?;
         // Behind the ground.
         volumes.set_stand_ins(1, stand_ins);

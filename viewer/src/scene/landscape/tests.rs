@@ -66,7 +66,8 @@ fn models_stand_where_the_wind_has_their_volumes() {
     let before = scene.geometry.clone();
     scene.blow(3.0).unwrap();
     let volumes = scene.volumes.as_ref().unwrap();
-    let SceneSkin { shell, patterns, .. } = &volumes.skins()[0];
+    let skin = &volumes.skins()[0];
+    let (shell, patterns) = (skin.shell(), &skin.patterns);
     let volume_from_model = standing(volumes.volume(0), Vec3::ZERO, 0.0, 1.0).inverse();
     // How far a point of the models is from where the skin has it, in volumes, at most.
     let off = |geometry: &Geometry, at: Vec3| {

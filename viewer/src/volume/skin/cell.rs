@@ -117,7 +117,13 @@ impl Iterator for CellWalk {
 
 /// Returns the texel around a point of the texture.
 pub(super) fn cell_of(texture: Vec3) -> [i32; 2] {
-    [texture.x, texture.y].map(|x| x.floor().clamp(-MAX_COORDINATE, MAX_COORDINATE) as i32)
+    // Baseline processors have no instruction that rounds down.
+    let floor = |x: f32| {
+        let x = x.clamp(-MAX_COORDINATE, MAX_COORDINATE);
+        let whole = x as i32;
+        whole - i32::from(x < whole as f32)
+    };
+    [floor(texture.x), floor(texture.y)]
 }
 
 /// Hashes a texel: everything that is drawn for it comes from this number alone.

@@ -181,6 +181,22 @@ impl Shell {
         self.report
     }
 
+    /// Tells whether faces are whole and height vectors in one piece: no tolerance gives fewer tetrahedra.
+    pub(super) fn is_uncut(&self) -> bool {
+        self.report.sides * self.report.layers == 1
+    }
+
+    /// Returns the width of a texel in the world: the side of a cube that is as large as a texel is on average. Cost: a pass over the
+    /// tetrahedra.
+    pub(super) fn texel_width(&self) -> f32 {
+        let volume = |[p, q, r, s]: [DVec3; 4]| (q - p).cross(r - p).dot(s - p).abs();
+        let texture = |tet: &Tet| tet.textures.map(|i| self.textures[i as usize].as_dvec3());
+        let [world, texels] = self.tets.iter().fold([0.0, 0.0], |[world, texels], tet| {
+            [world + volume(self.corners(tet)), texels + volume(texture(tet))]
+        });
+        if texels > 0.0 { (world / texels).cbrt() as f32 } else { 0.0 }
+    }
+
     /// Returns the report with the counts of now, after the shell was moved. Cost: a pass over the tetrahedra.
     pub fn counted(&self) -> ShellReport {
         let mut report = ShellReport { tets: self.tets.len(), boundary: self.boundary.len(), ..self.report };

@@ -1,0 +1,49 @@
+//! Shells of one skin from fine to coarse. A texel that lies a little beside its place is not seen so where that is less than a pixel,
+//! and a shell that may be so far off has fewer tetrahedra: 162 or 6 of a texel of a lawn.
+
+use super::refine::ShellParams;
+use super::shell::Shell;
+use super::thick_skin::Skin;
+
+/// Factor on the tolerance from one level to the next.
+const COARSER: f32 = 3.0;
+/// Share of the tetrahedra that a level has at most of those of the one before it: else it is not worth its memory.
+const FEWER: f32 = 0.6;
+/// Width of what stands for a deviation of a shell in the transition between levels, in deviations: where it is a pixel wide, half of the
+/// paths have the next level.
+const WIDTH_DEVIATIONS: f32 = 2.0;
+
+/// A shell for some range of distances.
+#[derive(Debug, Clone)]
+pub struct ShellLevel {
+    /// The tetrahedra.
+    pub shell: Shell,
+    /// Width in the world that is about a pixel where the level begins to be taken; 0 for the finest, which is taken from the eye on.
+    pub from_width: f32,
+}
+
+impl ShellLevel {
+    /// Returns the shells of `skin`, finest first; that is what `params` ask for. Cost: some shells, of which each has fewer tetrahedra than
+    /// the one before.
+    ///
+    /// # Errors
+    /// As [`Shell::new`].
+    pub fn all(skin: &Skin, params: &ShellParams) -> Result<Vec<ShellLevel>, String> {
+        let finest = Shell::new(skin, params)?;
+        let texel_width = finest.texel_width();
+        let mut levels = vec![ShellLevel { shell: finest, from_width: 0.0 }];
+        let mut tolerance = params.tolerance;
+        while !levels[levels.len() - 1].shell.is_uncut() {
+            tolerance *= COARSER;
+            let shell = Shell::new(skin, &ShellParams { tolerance, ..*params })?;
+            let most = FEWER * levels[levels.len() - 1].shell.tets().len() as f32;
+            if shell.tets().len() as f32 <= most {
+                let from_width = WIDTH_DEVIATIONS * shell.report().deviation * texel_width;
+                levels.push(ShellLevel { shell, from_width });
+            } else if shell.is_uncut() {
+                break;
+            }
+        }
+        Ok(levels)
+    }
+}
