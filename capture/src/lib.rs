@@ -71,6 +71,7 @@ pub use direction::{Direction, DirectionSet, MAX_DIRECTIONS};
 pub use error::CaptureError;
 pub use images::band_file::write_bands_exr;
 pub use images::bands::MAX_BANDS;
+pub use images::channel_file::write_channels_exr;
 pub use images::decoded::MIN_LINEAR;
 pub use images::encode8::Encoder8;
 pub use images::radiance_map::RadianceMap;

@@ -28,6 +28,7 @@ mod error;
 mod geometry;
 mod gpu;
 mod light;
+mod motion;
 mod operations;
 mod options;
 mod picture;
@@ -89,6 +90,7 @@ pub use light::daylight::{Daylight, Place, SKY_SIZE, SunAndSky};
 pub use light::environment::{Environment, MAX_COLUMNS};
 pub use light::solar_spectrum::{WHITE_ILLUMINANCE_LUX, luminance};
 pub use light::sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
+pub use motion::motion_picture::{BACKGROUND_DEPTH, MotionPicture, MotionPixel};
 pub use options::{DecoderForm, Filter, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
 pub use picture::{Picture, PixelHit};
 pub use render::control::Control;
@@ -115,7 +117,7 @@ pub use volume::skin::{
     NO_VOLUME, Noise, Pattern, Shell, ShellLevel, ShellParams, ShellReport, Skin, SkinFace, SkinVertex, Tet,
     TextureMap, TextureRay, Variant, Walk, Wind,
 };
-pub use volume::volumes::{SceneSkin, VolumePlace, Volumes};
+pub use volume::volumes::{SceneSkin, SkinTet, VolumePlace, Volumes};
 #[cfg(feature = "window")]
 pub use window::desktop::run_window;
 #[cfg(all(feature = "controls", target_arch = "wasm32"))]

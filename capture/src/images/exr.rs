@@ -175,6 +175,19 @@ pub(crate) fn encode_bands(
     Ok(bytes.into_inner())
 }
 
+/// Encodes `values`, `[texel, channel]`, in single precision with ZIP compression, one channel for each of `names`.
+pub(crate) fn encode_channels(values: &[f32], names: &[&str], width: usize, height: usize) -> Result<Vec<u8>, String> {
+    let channel = |(number, name): (usize, &&str)| {
+        let samples = values[number..].iter().step_by(names.len()).copied().collect();
+        AnyChannel::new(*name, FlatSamples::F32(samples))
+    };
+    let channels = AnyChannels::sort(names.iter().enumerate().map(channel).collect());
+    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(bytes.into_inner())
+}
+
 /// Encodes one channel, Y, in single precision without compression.
 pub(crate) fn encode_map(values: &[f32], width: usize, height: usize) -> Result<Vec<u8>, String> {
     let channels = SpecificChannels::build()
@@ -242,6 +255,29 @@ pub(crate) mod tests {
             .from_buffered(Cursor::new(bytes))
             .unwrap();
         assert_eq!(back.layer_data.channel_data.pixels, values);
+    }
+
+    #[test]
+    fn named_channels_keep_their_names_and_single_precision() {
+        let values: Vec<f32> = (0..9 * 20 * 2).map(|i| i as f32 * 0.123_456_7 - 1.5).collect();
+        // A file sorts its channels by their names.
+        let bytes = encode_channels(&values, &["motion.X", "Z"], 9, 20).unwrap();
+        let image = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .unwrap();
+        let channels = &image.layer_data.channel_data.list;
+        assert_eq!(channels.len(), 2);
+        for (channel, (name, number)) in channels.iter().zip([("Z", 1), ("motion.X", 0)]) {
+            assert!(channel.name.eq(name), "{}", channel.name);
+            let FlatSamples::F32(samples) = &channel.sample_data else { panic!("{name} is not in single precision") };
+            assert!(samples.iter().eq(values[number..].iter().step_by(2)), "{name}");
+        }
     }
 
     /// Returns an image of 4 x 3 texels with one channel for each name, of `value(texel, channel)`.

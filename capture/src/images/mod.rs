@@ -2,6 +2,7 @@
 
 pub(crate) mod band_file;
 pub(crate) mod bands;
+pub(crate) mod channel_file;
 pub(crate) mod corrections;
 pub(crate) mod decoded;
 pub(crate) mod encode8;

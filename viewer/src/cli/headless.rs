@@ -46,6 +46,9 @@ pub(super) fn write_pictures(
             }
             let path = if several { numbered(out, number) } else { out.to_path_buf() };
             rendered.picture.write(&path, scene.exposure_ev)?;
+            if let Some(motion) = &rendered.motion {
+                motion.write(&motion_path(&path))?;
+            }
             reports.push((path, PictureReport { picture: rendered.report, landscape: counts.clone() }));
             Ok(())
         })
@@ -89,9 +92,22 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// Returns the name of the file of a picture's motion: of `a/b_007.png` it is `a/b_007-motion.exr`.
+fn motion_path(path: &Path) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_os_string();
+    name.push("-motion.exr");
+    path.with_file_name(name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn motion_lies_beside_its_picture() {
+        assert_eq!(motion_path("a/b_007.png".as_ref()), PathBuf::from("a/b_007-motion.exr"));
+        assert_eq!(motion_path("b".as_ref()), PathBuf::from("b-motion.exr"));
+    }
 
     #[test]
     fn pictures_are_numbered_before_the_extension() {

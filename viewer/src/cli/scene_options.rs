@@ -60,13 +60,14 @@ pub(super) struct PictureArguments {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(super) size: Option<[u32; 2]>,
     /// Renders N pictures around the scene, FILE_000.png and so on
-    #[arg(long, value_name = "N", requires = "headless", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", requires = "headless", group = "several",
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(super) turntable: Option<u32>,
     /// The moment at which a scene with a wind is seen, seconds [default: 0]
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, allow_hyphen_values = true)]
     pub(super) time: Option<f64>,
     /// Renders N pictures of the wind, one after the other, FILE_000.png and so on
-    #[arg(long, value_name = "N", requires = "headless", conflicts_with = "turntable",
+    #[arg(long, value_name = "N", requires = "headless", conflicts_with = "turntable", group = "several",
           value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(super) sequence: Option<u32>,
     /// Pictures of a sequence in a second [default: 25]
@@ -81,6 +82,10 @@ pub(super) struct PictureArguments {
     /// Filters noise out of the picture, which needs two frames at least
     #[arg(long, requires = "headless", conflicts_with = "bands")]
     pub(super) denoise: bool,
+    /// Writes the motion to the picture before and the depth beside each picture of a sequence or turntable, FILE_000-motion.exr
+    /// and so on: channels motion.X and motion.Y in pixels, to the right and downwards, and Z
+    #[arg(long, requires_all = ["headless", "several"], conflicts_with = "bands")]
+    pub(super) motion: bool,
     /// Writes the figures as JSON; - is stdout
     #[arg(long, value_name = "FILE", requires = "headless")]
     pub(super) json: Option<PathBuf>,

@@ -41,6 +41,7 @@ pub(super) fn show(
                 shade,
                 target_ms,
                 denoise: arguments.denoise,
+                motion: arguments.motion,
             };
             if arguments.bands {
                 return write_bands(arguments, &mut scene, &params, out);

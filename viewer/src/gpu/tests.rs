@@ -325,7 +325,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         shader::CONSTANTS,
         crate::cpu::path::CONSTANTS,
         crate::cpu::integrator::CONSTANTS,
-        crate::cpu::volumes::CONSTANTS,
+        volumes::CONSTANTS,
         WALK_CONSTANTS,
         CELL_CONSTANTS,
     ];

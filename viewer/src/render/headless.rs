@@ -10,6 +10,9 @@ use crate::gpu::frame::FrameRequest;
 use crate::gpu::results::timer::{GpuTimer, PassTimes};
 use crate::gpu::scene_change::SceneChange;
 use crate::gpu::tracer::Tracer;
+use crate::motion::motion_picture::MotionPicture;
+use crate::motion::pose::Pose;
+use crate::motion::vectors::motion_of;
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
 use crate::picture::Picture;
 use crate::picture::PixelHit;
@@ -42,6 +45,8 @@ pub struct RenderParams {
     pub target_ms: Option<f64>,
     /// Whether noise is filtered out of the picture, which then has at least 2 frames.
     pub denoise: bool,
+    /// Whether the motion of what pixels show is told, too.
+    pub motion: bool,
 }
 
 impl Default for RenderParams {
@@ -55,6 +60,7 @@ impl Default for RenderParams {
             shade: ShadeOptions::default(),
             target_ms: None,
             denoise: false,
+            motion: false,
         }
     }
 }
@@ -147,6 +153,8 @@ pub struct Rendered {
     pub picture: Picture,
     /// Hit and cost of the last sample of each pixel, row-major from the top left.
     pub hits: Vec<PixelHit>,
+    /// Motion from this picture to the one before, where it was asked for.
+    pub motion: Option<MotionPicture>,
     /// The figures.
     pub report: RenderReport,
 }
@@ -185,7 +193,19 @@ impl Sequence {
     }
 }
 
+/// Returns where things were one picture before the first one of a sequence: the camera of a turntable one turn back, the
+/// wind one interval earlier.
+fn pose_before(scene: &Scene, sequence: &Sequence) -> Result<Pose, ViewerError> {
+    let mut earlier = scene.clone();
+    earlier.camera.orbit(-sequence.turn_rad, 0.0);
+    if sequence.interval_s != 0.0 {
+        earlier.blow(scene.time_s - sequence.interval_s)?;
+    }
+    Ok(Pose::of(&earlier))
+}
+
 /// Renders the pictures of a sequence and gives each to `each` with its number. Uploads and compiles once.
+/// The motion of the first picture is from where things were one picture's time before.
 ///
 /// # Errors
 /// As [`render`], and those of `each`, which end the sequence.
@@ -199,6 +219,7 @@ pub fn render_sequence(
     let mut session = Session::new(scene, params, control)?;
     let mut scene = scene.clone();
     let began_s = scene.time_s;
+    let mut before = if params.motion { Some(pose_before(&scene, sequence)?) } else { None };
     for number in 0..sequence.pictures {
         if number > 0 {
             scene.camera.orbit(sequence.turn_rad, 0.0);
@@ -209,7 +230,12 @@ pub fn render_sequence(
         }
         let progress = |share: f32| (control.progress)((number as f32 + share) / sequence.pictures as f32);
         let control = Control { progress: &progress, ..*control };
-        each(number, session.render(&scene, params, &control)?)?;
+        let mut rendered = session.render(&scene, params, &control)?;
+        if let Some(before) = &mut before {
+            let motion = motion_of(&scene, before, params.size, &params.shade, params.frames, control.cancelled)?;
+            (rendered.motion, *before) = (Some(motion), Pose::of(&scene));
+        }
+        each(number, rendered)?;
     }
     Ok(())
 }
@@ -385,7 +411,7 @@ fn rendered(
         spends: governor.map(|governor| governor.spends()),
         heights: params.shade.decode.heights.name(),
     };
-    Rendered { picture: Picture { width, height, radiance }, hits, report }
+    Rendered { picture: Picture { width, height, radiance }, hits, motion: None, report }
 }
 
 #[cfg(test)]

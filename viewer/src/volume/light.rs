@@ -2,7 +2,7 @@
 //! `light.wgsl`.
 
 use crate::geometry::lod_transition::LodTransition;
-use crate::volume::volumes::{Stretch, Volumes};
+use crate::volume::volumes::{SkinTet, Stretch, Volumes};
 use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
 use glam::{Mat3, Vec3};
 
@@ -34,6 +34,8 @@ pub struct VolumePoint {
     pub t: f32,
     /// Share of the pixel that the place hides.
     pub weight: f32,
+    /// The tetrahedron that the volume is mapped by; `None` where it stands on its own.
+    pub within: Option<SkinTet>,
     volume: usize,
     map: Mat3,
     level: Level,
@@ -187,6 +189,7 @@ impl Volumes {
                 each(VolumePoint {
                     t: stretch.start + segment.t0 + seen_at(depth, length),
                     weight: through * hidden,
+                    within: stretch.within,
                     volume: stretch.volume,
                     map,
                     level,
@@ -419,10 +422,19 @@ mod tests {
         };
         let alone: Vec<Volumes> = (0..widths.len()).map(alone).collect();
         let all = Volumes::new(vec![voltex(3)], &[], vec![skin.clone()]).unwrap();
+        let is_within = |volumes: &Volumes, stretch: &Stretch, point: Vec3| {
+            let SkinTet { skin, level, tet } = stretch.within.unwrap();
+            let shell = &volumes.skins()[skin].levels[level].shell;
+            (0..4).all(|face| {
+                let [a, b, c] = shell.face(4 * tet + face).map(|i| shell.positions()[i as usize]);
+                (b - a).cross(c - a).normalize_or_zero().dot(point - a) < 1e-3
+            })
+        };
         // The ray's length in the skin, and how much of that is told twice.
         let length = |volumes: &Volumes, from, towards, lod: &LodTransition| {
             let (mut end, mut sums) = (0f32, [0f64; 2]);
             for stretch in volumes.stretches(from, towards, 30.0, lod) {
+                assert!(is_within(volumes, &stretch, from + 0.5 * (stretch.t0 + stretch.t1) * towards));
                 sums[0] += f64::from(stretch.t1 - stretch.t0);
                 sums[1] += f64::from((end - stretch.t0).max(0.0));
                 end = stretch.t1;

@@ -91,6 +91,17 @@ pub(crate) enum Proxy {
     },
 }
 
+/// A tetrahedron of a scene's skins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SkinTet {
+    /// Number of the skin.
+    pub skin: usize,
+    /// Number of its shell, from the finest on.
+    pub level: usize,
+    /// Number of the tetrahedron.
+    pub tet: u32,
+}
+
 /// A part of a ray within one volume.
 #[derive(Debug, Clone, Copy)]
 pub struct Stretch {
@@ -108,6 +119,8 @@ pub struct Stretch {
     pub volume_from_world: Mat3,
     /// Width of the leaves of the mesh that the volume stands in for, in the world; 0 where there is none.
     pub leaf_width: f32,
+    /// The tetrahedron that the volume is mapped by; `None` where it stands on its own.
+    pub within: Option<SkinTet>,
 }
 
 /// Returns a corner of the unit cube; bit i of the number is coordinate i.
@@ -331,6 +344,8 @@ enum Passage<'a> {
 struct SkinPassage<'a> {
     skin: &'a SceneSkin,
     shell: &'a Shell,
+    /// The latest tetrahedron.
+    within: SkinTet,
     walk: ShellWalk<'a>,
     cells: Option<Cells>,
     /// The latest texel, by its pattern, and its content: tetrahedra that follow each other share it.
@@ -429,15 +444,24 @@ impl<'a> Stretches<'a> {
                     start,
                     volume_from_world: Mat3::from_cols(rows[0], rows[1], rows[2]).transpose(),
                     leaf_width: instance.leaf_width,
+                    within: None,
                 };
                 (stretch.t1 > stretch.t0).then_some((stretch, Passage::Box))
             }
             Proxy::Skin { skin, level } => {
+                let within = SkinTet { skin, level, tet: 0 };
                 let skin = &volumes.skins[skin];
                 let shell = &skin.levels[level].shell;
                 let link = volumes.proxies.triangles()[hit.primitive as usize].material;
                 let walk = shell.enter(self.origin, self.direction, link, t.max(0.0), self.t_max);
-                self.advance(Passage::Skin(Box::new(SkinPassage { skin, shell, walk, cells: None, texel: None })))
+                self.advance(Passage::Skin(Box::new(SkinPassage {
+                    skin,
+                    shell,
+                    within,
+                    walk,
+                    cells: None,
+                    texel: None,
+                })))
             }
         }
     }
@@ -445,7 +469,7 @@ impl<'a> Stretches<'a> {
     /// Advances a passage to its next stretch.
     fn advance(&self, passage: Passage<'a>) -> Option<(Stretch, Passage<'a>)> {
         let Passage::Skin(mut way) = passage else { return None };
-        let SkinPassage { skin, shell, walk, cells, texel } = &mut *way;
+        let SkinPassage { skin, shell, within, walk, cells, texel } = &mut *way;
         loop {
             if let Some(own) = cells {
                 if let Some(stretch) = own.merged() {
@@ -471,12 +495,14 @@ impl<'a> Stretches<'a> {
                         start: own.start,
                         volume_from_world: Mat3::from_cols(rows[0], rows[1], rows[2]).transpose(),
                         leaf_width: skin.leaf_width,
+                        within: Some(*within),
                     };
                     own.told = Some((stretch, pattern.alternatives[variant.alternative as usize]));
                     continue;
                 }
             }
             let interval = walk.next()?;
+            within.tet = interval.tet;
             let map = shell.map(interval.tet);
             let ray = map.ray(self.origin, self.direction, interval.t0);
             *cells = Some(Cells {

@@ -9,6 +9,7 @@ mod gpu;
 mod layers;
 mod leaves;
 mod live_changes;
+mod motion;
 mod skins;
 mod volume_extremes;
 mod volumes;
