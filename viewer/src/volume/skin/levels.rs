@@ -1,5 +1,5 @@
 //! Shells of one skin from fine to coarse. A texel that lies a little beside its place is not seen so where that is less than a pixel,
-//! and a shell that may be so far off has fewer tetrahedra: 162 or 6 of a texel of a lawn.
+//! and a shell that may be so far off has fewer tetrahedra: 192, 48 or 6 of a texel of a lawn.
 
 use super::refine::ShellParams;
 use super::shell::Shell;
