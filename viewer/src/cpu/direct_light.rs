@@ -6,6 +6,8 @@ use crate::cpu::shader::{FAR, MIN_LIGHT_DISTANCE2, Shader};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
 use crate::geometry::surface::Surface;
 use crate::light::environment::Environment;
+use crate::light::light_grid::{BELOW_ONE, DrawnLight, LIGHT_CANDIDATES};
+use crate::light::light_tree::TreeLight;
 use crate::options::{RenderMode, SkyLight};
 use crate::picture::PixelHit;
 use crate::sampler;
@@ -20,8 +22,6 @@ use std::f32::consts::PI;
 pub(crate) const ENVIRONMENT_CHOICE: u32 = 0x68bc_21eb;
 pub(crate) const LOBE_CHOICE: u32 = 0x02e5_be93;
 pub(crate) const SIDE_CHOICE: u32 = 0x1b87_3593;
-/// Lights that are looked at for each that is drawn. Twin: `LIGHT_CANDIDATES`.
-pub(crate) const LIGHT_CANDIDATES: usize = 8;
 
 /// Random numbers for the light at one point.
 pub(crate) struct LightNumbers {
@@ -59,9 +59,10 @@ struct LightSample {
 }
 
 impl Shader<'_> {
-    /// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some
-    /// candidates spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005]. Returns the
-    /// number of the light and how many lights' share it stands for; `None` where none could add anything.
+    /// Draws the light of stratum `stratum` of `strata`, which divide among them what the lights add around the place: of
+    /// some candidates spread over the stratum one, as likely as what it could add unshadowed over its probability as a
+    /// candidate [Talbot 2005]. Returns the number of the light and how many lights' share it stands for; `None` where
+    /// none could add anything. Where candidates are enough for all lights, the strata divide these in their order.
     fn choose_light(
         &self,
         s: &Surface,
@@ -71,24 +72,38 @@ impl Shader<'_> {
         seed: u32,
     ) -> Option<(usize, f32)> {
         let lights = &self.scene.lights;
-        let cell = lights.len() as f32 / (strata * LIGHT_CANDIDATES) as f32;
+        let part = 1.0 / (strata * LIGHT_CANDIDATES) as f32;
+        let mut drawn = DrawnLight { range: 0, index: 0, weight: lights.len() as f32 };
+        if let Some(grid) = self.light_grid {
+            drawn.range = grid.range(grid.cell(s.position), (stratum * LIGHT_CANDIDATES) as f32 * part);
+        }
         let (mut total, mut kept, mut chosen) = (0.0f32, 0.0f32, 0);
         for k in 0..LIGHT_CANDIDATES {
             let number = stratum * LIGHT_CANDIDATES + k;
             let own = seed.wrapping_add(2 * number as u32);
-            let at = (number as f32 + sampler::one(own)) * cell;
-            let index = (at as usize).min(lights.len() - 1);
-            let to_light = lights[index].position - s.position;
-            let distance2 = to_light.length_squared().max(MIN_LIGHT_DISTANCE2);
-            let cosine = s.normal.dot(to_light) * (1.0 / distance2.sqrt());
+            let x = ((number as f32 + sampler::one(own)) * part).min(BELOW_ONE);
+            let TreeLight { position, power } = match self.light_grid {
+                Some(grid) => {
+                    drawn = grid.draw(drawn.range, x);
+                    grid.ordered()[drawn.index]
+                }
+                None => {
+                    drawn.index = (x * lights.len() as f32) as usize;
+                    lights[drawn.index].as_drawn()
+                }
+            };
+            let to_light = position - s.position;
+            let nearness = 1.0 / to_light.length_squared().max(MIN_LIGHT_DISTANCE2).sqrt();
+            let cosine = s.normal.dot(to_light) * nearness;
             let towards = if light_back { -cosine } else { cosine };
-            let could_add = Vec3::from(lights[index].intensity).max_element() * towards.max(0.0) / distance2;
-            total += could_add;
-            if sampler::one(own.wrapping_add(1)) * total < could_add {
-                (chosen, kept) = (index, could_add);
+            let could_add = power * towards.max(0.0) * (nearness * nearness);
+            total += could_add * drawn.weight;
+            if sampler::one(own.wrapping_add(1)) * total < could_add * drawn.weight {
+                (chosen, kept) = (drawn.index, could_add);
             }
         }
-        (kept > 0.0).then(|| (chosen, total * cell / kept))
+        let number = self.light_grid.map_or(chosen, |grid| grid.number(chosen));
+        (kept > 0.0).then(|| (number, total * part / kept))
     }
 
     /// Samples point light `i` of `asked`; `None` where it adds nothing.
@@ -225,5 +240,107 @@ impl LitPoint<'_> {
     /// Returns where rays to lights begin.
     fn origin(&self) -> Vec3 {
         if self.light_back { self.s.below } else { self.s.above }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::ShadeOptions;
+    use crate::scene::mesh;
+    use crate::scene::scene::{PointLight, Scene, SceneObject};
+    use glam::Vec2;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    /// Numbers in [0, 1), by their number.
+    fn draw3(number: u32) -> Vec3 {
+        Vec3::from([0, 1, 2].map(|axis| sampler::one(3 * number + axis)))
+    }
+
+    /// A cube under coloured lights of uneven power, some of them far away.
+    fn scene(count: u32) -> Scene {
+        let cube = SceneObject { part: mesh::cube("cube"), material: Material::plain([0.5; 3]) };
+        let mut scene = Scene::from_objects(Path::new("cube"), vec![cube], Vec::new()).unwrap();
+        let light = |number: u32| {
+            let scale = if number.is_multiple_of(9) { 40.0 } else { 2.0 };
+            let power = if number.is_multiple_of(7) { 10.0 } else { 1.0 };
+            let position = (draw3(2 * number) - 0.5) * scale;
+            PointLight { position, intensity: (draw3(2 * number + 1) * power).to_array() }
+        };
+        scene.lights = (0..count).map(light).collect();
+        scene
+    }
+
+    fn surface(position: Vec3, normal: Vec3) -> Surface {
+        let tangent = normal.any_orthonormal_vector();
+        Surface {
+            position,
+            material: 0,
+            flat: normal,
+            view_back: false,
+            tangent,
+            bitangent: normal.cross(tangent),
+            normal,
+            wo: Vec3::Z,
+            uv: Vec2::ZERO,
+            texel_at: [0.5; 2],
+            texture_per_unit: 1.0,
+            above: position,
+            below: position,
+        }
+    }
+
+    /// Returns whether the mean of `estimates` may be `expected`, by their standard error.
+    fn agrees(estimates: &[f64], expected: f64) -> bool {
+        let count = estimates.len() as f64;
+        let mean = estimates.iter().sum::<f64>() / count;
+        let variance = estimates.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        (mean - expected).abs() < 5.0 * (variance / count).sqrt() + 1e-3 * expected
+    }
+
+    #[test]
+    fn drawn_lights_add_what_all_lights_do_wherever_a_surface_is() {
+        const DRAWS: u32 = 8000;
+        for (count, strata) in [(300, 1), (300, 4), (20, 3), (2000, 16)] {
+            let scene = scene(count);
+            let options = ShadeOptions { light_samples: strata as u32, ..ShadeOptions::default() };
+            let grid = scene.light_grid(options.light_samples, None);
+            assert_eq!(grid.is_some(), count as usize > strata * LIGHT_CANDIDATES);
+            let shader = Shader { light_grid: grid.as_deref(), ..Shader::of_middles(&scene, [8, 8], options) };
+            let near = scene.lights[1].position;
+            let inside = (0..6).map(|i| (draw3(5000 + i) - 0.5) * 2.0);
+            let outside = (0..3).map(|i| (draw3(6000 + i) - 0.5) * 60.0);
+            let places = inside.chain(outside).chain([near + 0.003, near + Vec3::X * 0.02]);
+            let (mut scaled, mut uneven) = (0, 0);
+            for (number, place) in places.enumerate() {
+                let normal = (draw3(7000 + number as u32) - 0.5).normalize();
+                let s = surface(place, normal);
+                let light_back = number % 2 == 1;
+                let red = |light: &PointLight| {
+                    let way = light.position - place;
+                    let cosine = normal.dot(way) / way.length() * if light_back { -1.0 } else { 1.0 };
+                    f64::from(light.intensity[0] * cosine.max(0.0) / way.length_squared())
+                };
+                let all: f64 = scene.lights.iter().map(red).sum();
+                let estimate = |seed: u32| {
+                    let chosen = |stratum| shader.choose_light(&s, light_back, stratum, strata, sampler::hash(seed));
+                    let chosen = (0..strata).filter_map(chosen);
+                    chosen.map(|(light, scale)| f64::from(scale) * red(&scene.lights[light])).sum::<f64>()
+                };
+                let estimates: Vec<f64> = (0..DRAWS).map(estimate).collect();
+                assert!(agrees(&estimates, all), "{count} {strata} {place}");
+                // Planted: candidates that are counted one by one, and such as if all lights were as likely.
+                let times: Vec<f64> = estimates.iter().map(|x| x * LIGHT_CANDIDATES as f64).collect();
+                scaled += usize::from(!agrees(&times, all));
+                let as_likely = |grid: &crate::light::light_grid::LightGrid, i: u32| {
+                    let index = grid.draw(grid.cell(place), (i as f32 + 0.5) / DRAWS as f32).index;
+                    f64::from(count) * red(&scene.lights[grid.number(index)])
+                };
+                let wrong = |grid: &Arc<_>| (0..DRAWS).map(|i| as_likely(grid, i)).collect::<Vec<f64>>();
+                uneven += usize::from(grid.as_ref().is_none_or(|grid| !agrees(&wrong(grid), all)));
+            }
+            assert!(scaled == 11 && uneven >= 8, "{count} {strata}: {scaled} {uneven}");
+        }
     }
 }

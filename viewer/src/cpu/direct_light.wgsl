@@ -5,8 +5,6 @@
 const ENVIRONMENT_CHOICE: u32 = 0x68bc21ebu;
 const LOBE_CHOICE: u32 = 0x02e5be93u;
 const SIDE_CHOICE: u32 = 0x1b873593u;
-// Lights that are looked at for each that is drawn.
-const LIGHT_CANDIDATES: u32 = 8u;
 
 // Random numbers for the light at one point.
 struct LightNumbers {
@@ -59,30 +57,41 @@ struct ChosenLight {
     scale: f32,
 }
 
-// Draws the light of stratum `stratum` of `strata`, which divide the lights in their order among them: of some
-// candidates spread over the stratum one, as likely as what it could add unshadowed [Talbot 2005].
+// Draws the light of stratum `stratum` of `strata`, which divide among them what the lights add around the place: of some
+// candidates spread over the stratum one, as likely as what it could add unshadowed over its probability as a candidate
+// [Talbot 2005]. Where candidates are enough for all lights, the strata divide these in their order.
 fn choose_light(s: Surface, light_back: bool, stratum: u32, strata: u32, seed: u32) -> ChosenLight {
-    let cell = f32(frame.light_count) / f32(strata * LIGHT_CANDIDATES);
+    let part = 1.0 / f32(strata * LIGHT_CANDIDATES);
+    let by_grid = frame.light_count > strata * LIGHT_CANDIDATES;
+    var drawn = DrawnLight(0u, 0u, f32(frame.light_count));
+    if by_grid {
+        drawn.range = light_grid_range(light_grid_cell(s.position), f32(stratum * LIGHT_CANDIDATES) * part);
+    }
     var total = 0.0;
     var kept = 0.0;
     var chosen = ChosenLight(0u, 0.0);
     for (var k = 0u; k < LIGHT_CANDIDATES; k++) {
         let number = stratum * LIGHT_CANDIDATES + k;
-        let at = (f32(number) + sampler_one(seed + 2u * number)) * cell;
-        let index = min(u32(at), frame.light_count - 1u);
-        let to_light = lights[index].position - s.position;
-        let distance2 = dot(to_light, to_light);
-        let cosine = dot(s.normal, to_light) * inverseSqrt(max(distance2, MIN_LIGHT_DISTANCE2));
-        let could_add = most(lights[index].intensity) * max(select(cosine, -cosine, light_back), 0.0)
-            / max(distance2, MIN_LIGHT_DISTANCE2);
-        total += could_add;
-        if sampler_one(seed + 2u * number + 1u) * total < could_add {
-            chosen.index = index;
+        let x = min((f32(number) + sampler_one(seed + 2u * number)) * part, BELOW_ONE);
+        if by_grid {
+            drawn = light_grid_draw(drawn.range, x);
+        } else {
+            drawn.index = u32(x * f32(frame.light_count));
+        }
+        let light = light_at(drawn.index);
+        let to_light = light.position - s.position;
+        let nearness = inverseSqrt(max(dot(to_light, to_light), MIN_LIGHT_DISTANCE2));
+        let cosine = dot(s.normal, to_light) * nearness;
+        let towards = select(cosine, -cosine, light_back);
+        let could_add = max(most(light.intensity), 0.0) * max(towards, 0.0) * (nearness * nearness);
+        total += could_add * drawn.weight;
+        if sampler_one(seed + 2u * number + 1u) * total < could_add * drawn.weight {
+            chosen.index = drawn.index;
             kept = could_add;
         }
     }
     if kept > 0.0 {
-        chosen.scale = total * cell / kept;
+        chosen.scale = total * part / kept;
     }
     return chosen;
 }
@@ -97,7 +106,7 @@ fn sample_point_light(lit: LitPoint, i: u32, asked: u32) -> LightSample {
             return sample;
         }
     }
-    let light = lights[chosen.index];
+    let light = light_at(chosen.index);
     let to_light = light.position - lit.s.position;
     let distance2 = dot(to_light, to_light);
     if distance2 < MIN_LIGHT_DISTANCE2 {

@@ -3,11 +3,13 @@
 use crate::cpu::shader::Shader;
 use crate::geometry::bvh::NO_HIT;
 use crate::geometry::lod_transition::LodTransition;
+use crate::light::light_grid::LightGrid;
 use crate::options::ShadeOptions;
 use crate::picture::PixelHit;
 use crate::scene::camera::jitter;
 use crate::scene::scene::Scene;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A picture as the sum of its samples.
 #[derive(Debug, Clone)]
@@ -22,6 +24,8 @@ pub struct CpuPicture {
     pub samples: u32,
     /// Hit and cost of the last sample of each pixel, row-major from the top left.
     pub hits: Vec<PixelHit>,
+    /// What drew the lights of the last sample, where there are more than it had candidates for.
+    light_grid: Option<Arc<LightGrid>>,
 }
 
 impl CpuPicture {
@@ -29,7 +33,14 @@ impl CpuPicture {
     pub fn new([width, height]: [u32; 2]) -> CpuPicture {
         let pixels = width as usize * height as usize;
         let nothing = PixelHit { primitive: NO_HIT, rays: 0, evaluations: 0 };
-        CpuPicture { width, height, sums: vec![[0.0; 3]; pixels], samples: 0, hits: vec![nothing; pixels] }
+        CpuPicture {
+            width,
+            height,
+            sums: vec![[0.0; 3]; pixels],
+            samples: 0,
+            hits: vec![nothing; pixels],
+            light_grid: None,
+        }
     }
 
     /// Adds one sample to every pixel, rows in parallel. `row_done` is called after every row; once it returns
@@ -39,12 +50,14 @@ impl CpuPicture {
         scene.assets.iter().for_each(|asset| {
             asset.resident();
         });
+        self.light_grid = scene.light_grid(options.light_samples, self.light_grid.take());
         let shader = Shader {
             scene,
             camera: scene.camera.frame(self.width, self.height),
             jitter: jitter(self.samples),
             sample: self.samples,
             options: *options,
+            light_grid: self.light_grid.as_deref(),
             lod_transition: LodTransition::MESHES,
         };
         let width = self.width as usize;

@@ -4,6 +4,7 @@ use crate::cpu::path::{Numbers, PathVertex, seed_of};
 use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::lod_transition::LodTransition;
 use crate::geometry::surface::Surface;
+use crate::light::light_grid::LightGrid;
 use crate::options::{Filter, RenderMode, ShadeOptions};
 use crate::sampler;
 use crate::scene::camera::CameraFrame;
@@ -52,6 +53,8 @@ pub(crate) struct Shader<'a> {
     pub(crate) jitter: [f32; 2],
     pub(crate) sample: u32,
     pub(crate) options: ShadeOptions,
+    /// What draws the lights, where there are more than a sample has candidates for.
+    pub(crate) light_grid: Option<&'a LightGrid>,
     /// The level-of-detail transition of the sample's path.
     pub(crate) lod_transition: LodTransition,
 }
@@ -61,7 +64,7 @@ impl Shader<'_> {
     pub(crate) fn of_middles<'a>(scene: &'a Scene, [width, height]: [u32; 2], options: ShadeOptions) -> Shader<'a> {
         let camera = scene.camera.frame(width, height);
         let lod_transition = LodTransition::new(camera.eye, camera.pixel_width(), 1.0);
-        Shader { scene, camera, jitter: [0.0; 2], sample: 0, options, lod_transition }
+        Shader { scene, camera, jitter: [0.0; 2], sample: 0, options, light_grid: None, lod_transition }
     }
 
     /// Returns two numbers in [0, 1) for a purpose at a vertex.

@@ -242,13 +242,14 @@ fn volume_shadowed_light(path: Path, near: ptr<function, NearPoints>, optical_de
 
 // Returns a point light as a place meets it.
 fn volume_point_light(number: u32, position: vec3<f32>) -> VolumeSource {
-    let way = lights[number].position - position;
+    let light = light_at(number);
+    let way = light.position - position;
     let distance2 = dot(way, way);
     if distance2 <= MIN_LIGHT_DISTANCE2 {
         return VolumeSource(vec3<f32>(0.0), 0.0, vec3<f32>(0.0));
     }
     let distance = sqrt(distance2);
-    return VolumeSource(way / distance, distance, lights[number].intensity / (distance2 * TRACE_PI));
+    return VolumeSource(way / distance, distance, light.intensity / (distance2 * TRACE_PI));
 }
 
 // Returns the light of what surrounds the scene, from the direction that the numbers `at` draw.

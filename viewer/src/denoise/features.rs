@@ -44,8 +44,15 @@ pub(crate) fn features_of(
             let mut sum = Features::default();
             for sample in 0..count {
                 let lod_transition = LodTransition::of_path(camera.eye, camera.pixel_width(), [x, y], sample);
-                let shader =
-                    Shader { scene, camera, jitter: jitter(sample), sample, options: *options, lod_transition };
+                let shader = Shader {
+                    scene,
+                    camera,
+                    jitter: jitter(sample),
+                    sample,
+                    options: *options,
+                    light_grid: None,
+                    lod_transition,
+                };
                 shader.add_features([x, y], &mut sum);
             }
             let share = 1.0 / count as f32;

@@ -392,6 +392,11 @@ impl Geometry {
         &self.instances
     }
 
+    /// Returns the box around all instances, in the world.
+    pub(crate) fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
     /// Returns the least and greatest corner of a mesh, in its space.
     pub(crate) fn mesh_bounds(&self, mesh: usize) -> [Vec3; 2] {
         let Bounds { lo, hi } = self.meshes[mesh].bounds;

@@ -1,5 +1,6 @@
 //! What a frame asks for, and the buffers that a frame reads and writes as shaders see them.
 
+use crate::light::light_grid::LightGrid;
 use crate::options::ShadeOptions;
 use crate::picture::PixelHit;
 use crate::scene::camera::jitter;
@@ -242,11 +243,11 @@ impl GpuMaterial {
     }
 }
 
-/// Returns the point lights of a scene.
-pub(crate) fn gpu_lights(scene: &Scene) -> Vec<GpuLight> {
-    scene
-        .lights
-        .iter()
-        .map(|light| GpuLight { position: light.position.to_array(), pad0: 0, intensity: light.intensity, pad1: 0 })
-        .collect()
+/// Returns the point lights of a scene, in the order of the grid that draws them where there is one.
+pub(crate) fn gpu_lights(scene: &Scene, grid: Option<&LightGrid>) -> Vec<GpuLight> {
+    let light = |index| {
+        let light = &scene.lights[grid.map_or(index, |grid| grid.number(index))];
+        GpuLight { position: light.position.to_array(), pad0: 0, intensity: light.intensity, pad1: 0 }
+    };
+    (0..scene.lights.len()).map(light).collect()
 }

@@ -10,13 +10,14 @@ use crate::gpu::acceleration_structure::{MESHES, PROXIES, WITH_VOLUMES};
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::frame::{GpuFrame, GpuLight, GpuMaterial, GpuPath, GpuPixel, MAX_MATERIALS, NO_ASSET};
 use crate::gpu::modules::{
-    AIR, BLIT, DIRECT_LIGHT, FRACTAL_NOISE, INTEGRATOR, LOD_TRANSITION, ModuleLayout, PATH, RELIEF, ROOFLINE, SAMPLER,
-    SCATTER, SHADER, SHEAR, SKIN_CELL, SKIN_PATTERN, SKIN_WALK, SUN_DISC, VOLUME_LIGHT, VOLUMES, VOLUMES_ON_PATHS,
-    trace_module, walk_module,
+    AIR, BLIT, DIRECT_LIGHT, FRACTAL_NOISE, INTEGRATOR, LIGHT_GRID, LOD_TRANSITION, ModuleLayout, PATH, RELIEF,
+    ROOFLINE, SAMPLER, SCATTER, SHADER, SHEAR, SKIN_CELL, SKIN_PATTERN, SKIN_WALK, SUN_DISC, VOLUME_LIGHT, VOLUMES,
+    VOLUMES_ON_PATHS, trace_module, walk_module,
 };
 use crate::gpu::pieces::PieceLayout;
 use crate::gpu::queries::decode_queries::{GpuQuery, GpuQueryParams};
 use crate::gpu::queries::walk_queries::{GpuWalkPlace, WalkQuery, WalkSum};
+use crate::light::light_grid::{BELOW_ONE, LIGHT_CANDIDATES, LIGHT_GRID_HEAD};
 use crate::light::sky_irradiance;
 use crate::options::{Filter, RenderMode, SkyLight};
 use crate::scene::material::NOISE_OCTAVES;
@@ -188,6 +189,7 @@ fn first_out_of_order<'a>(rust: &str, wgsl: &'a str, prefix: &str, alone: &[&str
 fn twins_hold_the_same_functions_in_the_same_order() {
     let alone = [
         // Readers of words, where Rust has slices.
+        "light_grid_pair",
         "shell_float",
         "shell_vector",
         "shell_position",
@@ -225,6 +227,7 @@ fn twins_hold_the_same_functions_in_the_same_order() {
     ];
     let twins = [
         (include_str!("../sampler.rs"), SAMPLER, "sampler_"),
+        (include_str!("../light/light_grid.rs"), LIGHT_GRID, "light_grid_"),
         (include_str!("../light/sun_disc.rs"), SUN_DISC, ""),
         (include_str!("../geometry/shear.rs"), SHEAR, "shear_"),
         (include_str!("../geometry/lod_transition.rs"), LOD_TRANSITION, "lod_transition_"),
@@ -283,7 +286,8 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("ENVIRONMENT_CHOICE", direct_light::ENVIRONMENT_CHOICE),
         ("LOBE_CHOICE", direct_light::LOBE_CHOICE),
         ("SIDE_CHOICE", direct_light::SIDE_CHOICE),
-        ("LIGHT_CANDIDATES", direct_light::LIGHT_CANDIDATES as u32),
+        ("LIGHT_GRID_HEAD", LIGHT_GRID_HEAD as u32),
+        ("LIGHT_CANDIDATES", LIGHT_CANDIDATES as u32),
         ("AMBIENT_NUMBERS", Numbers::Ambient as u32),
         ("SCATTER_NUMBERS", Numbers::Scatter as u32),
         ("CHOICE_NUMBERS", Numbers::Choice as u32),
@@ -312,6 +316,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("ENVIRONMENT_PI", PI),
         ("ENVIRONMENT_TAU", TAU),
         ("SUN_TAU", TAU),
+        ("BELOW_ONE", BELOW_ONE),
     ];
     let shell = SHELL_CONSTANTS.iter().map(|(name, value)| (*name, *value as u32));
     let words = words.into_iter().chain(shell).chain(PATTERN_CONSTANTS.iter().copied());

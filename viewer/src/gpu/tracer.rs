@@ -18,10 +18,12 @@ use crate::gpu::scene_change::{SceneChange, Updated};
 use crate::gpu::scene_words::SceneWords;
 use crate::gpu::structure::Structure;
 use crate::gpu::target::{Band, MAX_BAND_PIXELS, Target};
+use crate::light::light_grid::LightGrid;
 use crate::operations::counts::OperationCounts;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::picture::PixelHit;
 use crate::scene::scene::Scene;
+use std::sync::Arc;
 use web_time::Instant;
 use wgpu::BufferUsages;
 
@@ -46,7 +48,9 @@ pub struct Tracer {
     frame: wgpu::Buffer,
     materials: wgpu::Buffer,
     lights: wgpu::Buffer,
-    light_capacity: usize,
+    /// What draws the lights, where there are more than a sample has candidates for; they are in its order, and it stands
+    /// behind them in their buffer.
+    light_grid: Option<Arc<LightGrid>>,
     words: SceneWords,
     structure: Structure,
     /// [`Geometry::widest_leaf`](crate::Geometry::widest_leaf).
@@ -167,8 +171,7 @@ impl Tracer {
             }
         };
         let frame = gpu.empty_buffer("frame", size_of::<GpuFrame>() as u64, BufferUsages::UNIFORM)?;
-        let light_capacity = scene.lights.len().max(1);
-        let lights = light_buffer(gpu, light_capacity)?;
+        let lights = light_buffer(gpu, lights_bytes(scene))?;
         gpu.check()?;
         Ok(Tracer {
             gpu: gpu.clone(),
@@ -180,7 +183,7 @@ impl Tracer {
             frame,
             materials,
             lights,
-            light_capacity,
+            light_grid: None,
             words,
             structure,
             widest_leaf: scene.geometry.widest_leaf(),
@@ -398,11 +401,7 @@ impl Tracer {
     /// Makes what is missing: pipelines, room for lights, the buffers of the picture.
     fn prepare(&mut self, request: &FrameRequest, passes: &[Pass]) -> Result<(), ViewerError> {
         self.pipelines.prepare(passes, self.needed(request));
-        let grown = request.scene.lights.len() > self.light_capacity;
-        if grown {
-            self.light_capacity = request.scene.lights.len().next_power_of_two();
-            self.lights = light_buffer(&self.gpu, self.light_capacity)?;
-        }
+        let grown = self.prepare_lights(request.scene, request.options.light_samples)?;
         if self.size() == Some(request.size) && !grown {
             return Ok(());
         }
@@ -418,9 +417,31 @@ impl Tracer {
         self.gpu.check()
     }
 
+    /// Makes room for the lights and for what draws them, and writes that where it is new. Returns whether they have
+    /// another buffer.
+    fn prepare_lights(&mut self, scene: &Scene, light_samples: u32) -> Result<bool, ViewerError> {
+        let known = self.light_grid.take();
+        let grid = scene.light_grid(light_samples, known.clone());
+        let pairs: &[u8] = grid.as_ref().map_or(&[], |grid| bytemuck::cast_slice(grid.pairs()));
+        let bytes = lights_bytes(scene) + pairs.len() as u64;
+        let grown = bytes > self.lights.size();
+        if grown {
+            self.lights = light_buffer(&self.gpu, bytes.next_power_of_two())?;
+        }
+        if grown || grid.as_ref().map(Arc::as_ptr) != known.as_ref().map(Arc::as_ptr) {
+            self.gpu.queue.write_buffer(&self.lights, lights_bytes(scene), pairs);
+        }
+        self.light_grid = grid;
+        Ok(grown)
+    }
+
     /// Writes lights and materials.
     fn write_scene(&self, scene: &Scene) {
-        self.gpu.queue.write_buffer(&self.lights, 0, bytemuck::cast_slice(&gpu_lights(scene)));
+        self.gpu.queue.write_buffer(
+            &self.lights,
+            0,
+            bytemuck::cast_slice(&gpu_lights(scene, self.light_grid.as_deref())),
+        );
         let (asset_at, leaf_at) = (|asset| self.words.asset_at(asset), |leaf| self.words.leaf_at(leaf));
         let materials: Vec<GpuMaterial> =
             scene.materials.iter().map(|material| GpuMaterial::new(material, asset_at, leaf_at)).collect();
@@ -504,6 +525,11 @@ impl Tracer {
     }
 }
 
-fn light_buffer(gpu: &Gpu, count: usize) -> Result<wgpu::Buffer, ViewerError> {
-    gpu.empty_buffer("lights", (count * size_of::<GpuLight>()) as u64, BufferUsages::STORAGE)
+/// Returns the bytes of the lights alone, where the grid that draws them begins.
+fn lights_bytes(scene: &Scene) -> u64 {
+    (scene.lights.len() * size_of::<GpuLight>()) as u64
+}
+
+fn light_buffer(gpu: &Gpu, bytes: u64) -> Result<wgpu::Buffer, ViewerError> {
+    gpu.empty_buffer("lights", bytes.max(size_of::<GpuLight>() as u64), BufferUsages::STORAGE)
 }

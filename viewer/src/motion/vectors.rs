@@ -64,7 +64,15 @@ pub(crate) fn motion_of(
     let pixel = |x: u32, y: u32| {
         let seen = (0..samples.clamp(1, MAX_SAMPLES)).map(|sample| {
             let lod_transition = LodTransition::of_path(camera.eye, camera.pixel_width(), [x, y], sample);
-            let shader = Shader { scene, camera, jitter: jitter(sample), sample, options: *options, lod_transition };
+            let shader = Shader {
+                scene,
+                camera,
+                jitter: jitter(sample),
+                sample,
+                options: *options,
+                light_grid: None,
+                lod_transition,
+            };
             shader.motion_seen([x, y], before, &camera_before)
         });
         of_most(&mut seen.collect::<Vec<Seen>>())

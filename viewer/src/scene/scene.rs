@@ -4,6 +4,8 @@ use crate::error::ViewerError;
 use crate::geometry::geometry::{Geometry, Mesh, Placement, Triangle};
 use crate::light::daylight::{Daylight, SKY_SIZE, SunAndSky};
 use crate::light::environment::Environment;
+use crate::light::light_grid::{LIGHT_CANDIDATES, LightGrid};
+use crate::light::light_tree::TreeLight;
 use crate::light::sun::Sun;
 use crate::scene::asset::SceneAsset;
 use crate::scene::builtin;
@@ -43,6 +45,14 @@ pub struct PointLight {
     pub position: Vec3,
     /// Linear RGB intensity; irradiance at distance d and normal incidence is intensity / d^2.
     pub intensity: [f32; 3],
+}
+
+impl PointLight {
+    /// Returns what the light is drawn by; one that is off, or no number, has no power.
+    pub(crate) fn as_drawn(&self) -> TreeLight {
+        let power = Vec3::from(self.intensity).max_element();
+        TreeLight { position: self.position, power: if power.is_finite() { power.max(0.0) } else { 0.0 } }
+    }
 }
 
 /// A distance that no ray within a scene reaches.
@@ -459,6 +469,17 @@ impl Scene {
                 }
             })
             .collect();
+    }
+
+    /// Returns what draws the point lights, where there are more than candidates for `light_samples` of them: `known` where
+    /// that is of these lights, or a new one. Cost: that of [`LightGrid::new`] once lights have changed.
+    pub(crate) fn light_grid(&self, light_samples: u32, known: Option<Arc<LightGrid>>) -> Option<Arc<LightGrid>> {
+        if self.lights.len() <= light_samples as usize * LIGHT_CANDIDATES {
+            return None;
+        }
+        let lights: Vec<TreeLight> = self.lights.iter().map(|light| light.as_drawn()).collect();
+        let known = known.filter(|grid| grid.is_of(&lights));
+        Some(known.unwrap_or_else(|| Arc::new(LightGrid::new(lights, self.geometry.bounds()))))
     }
 
     /// Returns the residual components of the asset that has most.

@@ -160,8 +160,14 @@ const MAX_MATERIALS: u32 = 1024u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(3) var<uniform> materials: array<Material, MAX_MATERIALS>;
-@group(0) @binding(4) var<storage, read> lights: array<Light>;
+// The lights; then the grid that draws them, where there are more than a sample has candidates for.
+@group(0) @binding(4) var<storage, read> light_words: array<vec4<f32>>;
 // Those of the band.
 @group(0) @binding(6) var<storage, read_write> pixels: array<Pixel>;
 @group(0) @binding(7) var<storage, read_write> paths: array<Path>;
 @group(1) @binding(1) var<storage, read> instances: array<Instance>;
+
+// Returns a point light.
+fn light_at(index: u32) -> Light {
+    return Light(light_words[2u * index].xyz, 0u, light_words[2u * index + 1u].xyz, 0u);
+}

@@ -12,8 +12,8 @@ use btf_runtime::{
 };
 use btf_viewer::testing::{DecodeQuery, gpu_decode, random_queries};
 use btf_viewer::{
-    BackendChoice, Camera, Control, Environment, FrameRequest, GpuTracer, Material, MeshChoice, NO_HIT, RenderMode,
-    RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, Tracer, render,
+    BackendChoice, Camera, Control, CpuPicture, Environment, FrameRequest, GpuTracer, Material, MeshChoice, NO_HIT,
+    PointLight, RenderMode, RenderParams, Rendered, Scene, SceneAsset, SceneObject, ShadeOptions, Tracer, render,
 };
 use std::sync::Arc;
 
@@ -273,6 +273,58 @@ fn gpu_pictures_equal_the_cpu_picture() {
         moved.lights[0].position.x += 0.02 * moved.lights[0].position.length();
         assert!(picture_differences(&cpu, &draw(&moved, BackendChoice::Gpu(GpuTracer::Bvh), 2)) > allowed);
         assert!(picture_differences(&cpu, &draw(&scene, BackendChoice::Gpu(GpuTracer::Bvh), 1)) > allowed);
+    }
+}
+
+/// The Cornell box with lamps all over it, of uneven power.
+fn box_of_lamps(count: u64) -> Scene {
+    let mut scene = scene(MeshChoice::Cornell);
+    let mut random = Random::new(count);
+    let mut lamp = |number: u64| {
+        let position = [(); 3].map(|_| random.within(-0.9, 0.9)).into();
+        PointLight { position, intensity: [(if number.is_multiple_of(7) { 10.0 } else { 1.0 }) / count as f32; 3] }
+    };
+    scene.lights = (0..count).map(&mut lamp).collect();
+    scene
+}
+
+#[test]
+fn drawn_lights_are_the_cpus() {
+    let Some(gpu) = gpu("drawn_lights_are_the_cpus") else { return };
+    // With a grid, and where candidates are enough for all lights.
+    for (count, light_samples) in [(300, 3), (60, 10)] {
+        let scene = box_of_lamps(count);
+        let shade = ShadeOptions { light_samples, ..ShadeOptions::default() };
+        let draw = |scene: &Scene, backend| {
+            let params = RenderParams { size: [64, 64], frames: 2, backend, shade, ..RenderParams::default() };
+            render(scene, &params, &Control::SILENT).unwrap()
+        };
+        let cpu = draw(&scene, BackendChoice::Cpu);
+        // Many lights have many edges of shadows, where rays go either way.
+        let allowed = cpu.hits.len() / 50;
+        for tracer in tracers("drawn_lights_are_the_cpus") {
+            let differences = picture_differences(&cpu, &draw(&scene, BackendChoice::Gpu(tracer)));
+            println!("{count} lights, {}: {differences} of {} pixels differ", tracer.name(), cpu.hits.len());
+            assert!(differences <= allowed, "{count} {}: {differences}", tracer.name());
+        }
+        // Planted difference: a light is brighter, and they have another order, so that all are drawn by other numbers.
+        let mut other = scene.clone();
+        other.lights.rotate_left(7);
+        other.lights[0].intensity = other.lights[0].intensity.map(|x| 1.1 * x);
+        let differences = picture_differences(&cpu, &draw(&other, BackendChoice::Gpu(GpuTracer::Bvh)));
+        assert!(differences > 10 * allowed, "{count}: {differences}");
+    }
+    // Lights change under a tracer: more and fewer, all of them, and as many as before.
+    let mut tracer = Tracer::new(&gpu, &scene(MeshChoice::Cornell), GpuTracer::Bvh).unwrap();
+    let size = [32, 32];
+    for (count, light_samples) in [(300, 3), (400, 64), (300, 3), (299, 3), (2000, 3)] {
+        let scene = box_of_lamps(count);
+        let options = ShadeOptions { light_samples, ..ShadeOptions::default() };
+        let mut cpu = CpuPicture::new(size);
+        cpu.add_sample(&scene, &options, &|| true);
+        tracer.sample(&FrameRequest { scene: &scene, size, options, sample: 0 }, None).unwrap();
+        let differences = count_differences(&cpu.radiance(), &tracer.read_radiance().unwrap());
+        assert!(differences <= cpu.sums.len() / 50, "{count} {light_samples}: {differences}");
     }
 }
 
