@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The noise of pictures that draw point lights, and the time of a picture without.
+"""The noise of pictures that draw point lights, and the time to a picture of a given noise.
 
     light_noise.py BTF_VIEW... [--backend cpu] [--size 96x96] [--samples 1,4,16] [--only "room, 1024"]
 

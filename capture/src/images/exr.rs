@@ -162,17 +162,13 @@ pub(crate) fn encode_bands(
     width: usize,
     height: usize,
 ) -> Result<Vec<u8>, String> {
-    let bands = wavelengths_nm.len();
+    let half = |value: &f32| f16::from_f32(if *value > MAX_HALF { MAX_HALF } else { *value });
     let channel = |(band, nm): (usize, &f64)| {
-        let half = |value: &f32| f16::from_f32(if *value > MAX_HALF { MAX_HALF } else { *value });
-        let samples = values[band..].iter().step_by(bands).map(half).collect();
+        let samples = values[band..].iter().step_by(wavelengths_nm.len()).map(half).collect();
         AnyChannel::new(nm.to_string().as_str(), FlatSamples::F16(samples))
     };
     let channels = AnyChannels::sort(wavelengths_nm.iter().enumerate().map(channel).collect());
-    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, channels);
-    let mut bytes = Cursor::new(Vec::with_capacity(width * height * bands * 2 + 8192));
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
-    Ok(bytes.into_inner())
+    encode_any(channels, Encoding::UNCOMPRESSED, [width, height])
 }
 
 /// Encodes `values`, `[texel, channel]`, in single precision with ZIP compression, one channel for each of `names`.
@@ -182,7 +178,16 @@ pub(crate) fn encode_channels(values: &[f32], names: &[&str], width: usize, heig
         AnyChannel::new(*name, FlatSamples::F32(samples))
     };
     let channels = AnyChannels::sort(names.iter().enumerate().map(channel).collect());
-    let layer = Layer::new((width, height), LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
+    encode_any(channels, Encoding::SMALL_LOSSLESS, [width, height])
+}
+
+/// Encodes channels.
+fn encode_any(
+    channels: AnyChannels<FlatSamples>,
+    encoding: Encoding,
+    [width, height]: [usize; 2],
+) -> Result<Vec<u8>, String> {
+    let layer = Layer::new((width, height), LayerAttributes::default(), encoding, channels);
     let mut bytes = Cursor::new(Vec::new());
     Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|error| error.to_string())?;
     Ok(bytes.into_inner())

@@ -61,7 +61,7 @@ struct LightSample {
 impl Shader<'_> {
     /// Draws the light of stratum `stratum` of `strata`, which divide among them what the lights add around the place: of
     /// some candidates spread over the stratum one, as likely as what it could add unshadowed over its probability as a
-    /// candidate [Talbot 2005]. Returns the number of the light and how many lights' share it stands for; `None` where
+    /// candidate [Talbot 2005]. Returns the number of the light and the factor on what it adds; `None` where
     /// none could add anything. Where candidates are enough for all lights, the strata divide these in their order.
     fn choose_light(
         &self,
@@ -305,7 +305,7 @@ mod tests {
         for (count, strata) in [(300, 1), (300, 4), (20, 3), (2000, 16)] {
             let scene = scene(count);
             let options = ShadeOptions { light_samples: strata as u32, ..ShadeOptions::default() };
-            let grid = scene.light_grid(options.light_samples, None);
+            let grid = scene.light_grid(options.light_samples, &mut None);
             assert_eq!(grid.is_some(), count as usize > strata * LIGHT_CANDIDATES);
             let shader = Shader { light_grid: grid.as_deref(), ..Shader::of_middles(&scene, [8, 8], options) };
             let near = scene.lights[1].position;

@@ -51,7 +51,7 @@ struct SideLight {
     evaluations: u32,
 }
 
-// A light and how many lights' share it stands for; 0 for none.
+// A light and the factor on what it adds; 0 for none.
 struct ChosenLight {
     index: u32,
     scale: f32,

@@ -50,14 +50,14 @@ impl CpuPicture {
         scene.assets.iter().for_each(|asset| {
             asset.resident();
         });
-        self.light_grid = scene.light_grid(options.light_samples, self.light_grid.take());
+        let light_grid = scene.light_grid(options.light_samples, &mut self.light_grid);
         let shader = Shader {
             scene,
             camera: scene.camera.frame(self.width, self.height),
             jitter: jitter(self.samples),
             sample: self.samples,
             options: *options,
-            light_grid: self.light_grid.as_deref(),
+            light_grid: light_grid.as_deref(),
             lod_transition: LodTransition::MESHES,
         };
         let width = self.width as usize;

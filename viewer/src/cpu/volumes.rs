@@ -48,19 +48,20 @@ pub(crate) enum AfterVolumes {
 struct NearPoints {
     /// Share of the pixel that the places hide together, 0 to 1.
     weight: f32,
-    /// An entry for each light and one for the sun.
+    points: Vec<VolumePoint>,
+    /// An entry for each light and one for the sun; none before the ray meets a place.
     lit: Vec<NearLight>,
 }
 
 /// What places along a ray reflect and transmit of one light. How much of it passes to them is asked for at one, as likely as what it
 /// adds without shadow, so that the mean is as bright as all of them [Talbot 2005]: the first would be too bright where light comes from
 /// the eye's side and too dark where it comes from behind.
-#[derive(Clone, Default)]
+#[derive(Clone, Copy, Default)]
 struct NearLight {
     /// Light of all places without shadow.
     unshadowed: Vec3,
-    /// The place at which shadow is asked for.
-    drawn: Option<VolumePoint>,
+    /// Number of the place at which shadow is asked for.
+    drawn: u32,
 }
 
 /// Light from one direction as a volume meets it.
@@ -110,7 +111,7 @@ impl Shader<'_> {
             VolumeSource { towards: sun.sun_sample(sun_at), distance: FAR, incident: Vec3::from(sun.irradiance) / PI }
         });
         let mut radiance = Vec3::ZERO;
-        let mut near = NearPoints { weight: 0.0, lit: vec![NearLight::default(); self.scene.lights.len() + 1] };
+        let mut near = NearPoints { weight: 0.0, points: Vec::new(), lit: Vec::new() };
         let (mut total, mut chosen, mut draws) = (0.0, None, 0u32);
         // What the air before the places hides of them.
         let mut hazed = Vec3::ZERO;
@@ -131,16 +132,18 @@ impl Shader<'_> {
                 let is_drawn = |draw: u32, weight: f32, sum: f32| {
                     sampler::one(seed.wrapping_add(draws).wrapping_add(draw)) * sum < weight
                 };
+                near.lit.resize(self.scene.lights.len() + 1, NearLight::default());
                 for (light, lit) in self.lights_at(position, sun).zip(&mut near.lit) {
                     if light.incident.max_element() > 0.0 {
                         let own = passed * point.weight * light.incident * point.reflected(volumes, light.towards, 0.0);
                         lit.unshadowed += own;
                         if is_drawn(1, own.element_sum(), lit.unshadowed.element_sum()) {
-                            lit.drawn = Some(point);
+                            lit.drawn = near.points.len() as u32;
                         }
                     }
                 }
                 near.weight += point.weight;
+                near.points.push(point);
                 // One place for everything that takes a ray of its own.
                 total += point.weight;
                 if is_drawn(2, point.weight, total) {
@@ -177,12 +180,13 @@ impl Shader<'_> {
         let mut sum = Vec3::ZERO;
         for (number, lit) in near.lit.iter_mut().enumerate() {
             let NearLight { unshadowed, drawn } = std::mem::take(lit);
-            if let Some(point) = drawn {
+            if unshadowed.max_element() > 0.0 {
                 done.rays += 1;
-                let met = self.met_point(volumes, path, &point);
+                let met = self.met_point(volumes, path, &near.points[drawn as usize]);
                 sum += unshadowed * self.light_passed(&met, &self.light_at(number, met.position, sun));
             }
         }
+        near.points.clear();
         near.weight = 0.0;
         sum
     }

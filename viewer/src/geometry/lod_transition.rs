@@ -6,7 +6,7 @@
 //! logarithm of d. Each path from the eye draws one radius for each leaf width: within that sphere about the eye the
 //! scene has the meshes, beyond it the volumes, for the path's further rays and those to lights as well. Every place
 //! has one of the two, so nothing is there twice and nothing is lost, even where the eye is within a plant; and no
-//! instance needs a state of its own.
+//! instance needs a state of its own. Shells of skins that are coarser with distance are chosen by the same spheres.
 
 use crate::sampler;
 use glam::Vec3;
@@ -30,7 +30,7 @@ pub struct LodTransition {
 }
 
 impl LodTransition {
-    /// Every mesh is one, however far away.
+    /// Every mesh is one, however far away, and every skin has its finest shell.
     pub const MESHES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: f32::INFINITY };
 
     /// Returns the transition about an eye, where a pixel is `pixel_width` wide at distance 1. `share` is how far the

@@ -4,6 +4,7 @@ use crate::error::ViewerError;
 use crate::geometry::geometry::{Geometry, Vertex};
 use crate::gpu::device::Gpu;
 use crate::scene::scene::Scene;
+use crate::volume::volumes::Volumes;
 use wgpu::BufferUsages;
 
 /// Mask of instances that are surfaces. Twin: `RAY_MESHES` in `trace_ray_query.wgsl`.
@@ -110,9 +111,10 @@ fn mesh_sizes(geometry: &Geometry, scene: &Scene) -> Vec<wgpu::BlasTriangleGeome
     for (number, instance) in scene.geometry.instances().iter().enumerate() {
         is_asked[geometry.mesh_of(number)] |= instance.leaf_width > 0.0;
     }
-    let proxies = scene.geometry.instances().len()..geometry.instances().len();
-    if scene.volumes.as_ref().is_some_and(|volumes| volumes.has_levels()) {
-        proxies.for_each(|number| is_asked[geometry.mesh_of(number)] = true);
+    let first_proxy = scene.geometry.instances().len();
+    for number in first_proxy..geometry.instances().len() {
+        let has_levels = |volumes: &Volumes| volumes.is_one_of_several(number - first_proxy);
+        is_asked[geometry.mesh_of(number)] = scene.volumes.as_deref().is_some_and(has_levels);
     }
     let opaque = wgpu::AccelerationStructureGeometryFlags::OPAQUE;
     geometry

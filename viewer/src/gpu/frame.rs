@@ -247,7 +247,9 @@ impl GpuMaterial {
 pub(crate) fn gpu_lights(scene: &Scene, grid: Option<&LightGrid>) -> Vec<GpuLight> {
     let light = |index| {
         let light = &scene.lights[grid.map_or(index, |grid| grid.number(index))];
-        GpuLight { position: light.position.to_array(), pad0: 0, intensity: light.intensity, pad1: 0 }
+        // One that is not drawn adds nothing.
+        let intensity = if light.position.is_finite() { light.intensity } else { [0.0; 3] };
+        GpuLight { position: light.position.to_array(), pad0: 0, intensity, pad1: 0 }
     };
     (0..scene.lights.len()).map(light).collect()
 }

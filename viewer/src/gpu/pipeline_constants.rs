@@ -18,7 +18,7 @@ pub(crate) struct PipelineConstants {
     pub assets: bool,
     /// There are leaves.
     pub leaves: bool,
-    /// Meshes fade into the volumes that stand for them.
+    /// Meshes fade into the volumes that stand for them, or shells of skins into coarser ones.
     pub lod_transition: bool,
     /// Materials are displaced by their heights.
     pub displacement: bool,

@@ -51,6 +51,8 @@ pub struct Tracer {
     /// What draws the lights, where there are more than a sample has candidates for; they are in its order, and it stands
     /// behind them in their buffer.
     light_grid: Option<Arc<LightGrid>>,
+    /// The grid of the latest lights that needed one.
+    kept_grid: Option<Arc<LightGrid>>,
     words: SceneWords,
     structure: Structure,
     /// [`Geometry::widest_leaf`](crate::Geometry::widest_leaf).
@@ -184,6 +186,7 @@ impl Tracer {
             materials,
             lights,
             light_grid: None,
+            kept_grid: None,
             words,
             structure,
             widest_leaf: scene.geometry.widest_leaf(),
@@ -420,18 +423,19 @@ impl Tracer {
     /// Makes room for the lights and for what draws them, and writes that where it is new. Returns whether they have
     /// another buffer.
     fn prepare_lights(&mut self, scene: &Scene, light_samples: u32) -> Result<bool, ViewerError> {
-        let known = self.light_grid.take();
-        let grid = scene.light_grid(light_samples, known.clone());
-        let pairs: &[u8] = grid.as_ref().map_or(&[], |grid| bytemuck::cast_slice(grid.pairs()));
-        let bytes = lights_bytes(scene) + pairs.len() as u64;
+        let written = self.light_grid.take();
+        self.light_grid = scene.light_grid(light_samples, &mut self.kept_grid);
+        // Whether lights are drawn by the grid may change within a picture, which another buffer would end.
+        let bytes = lights_bytes(scene) + LightGrid::max_bytes(scene.lights.len());
         let grown = bytes > self.lights.size();
         if grown {
             self.lights = light_buffer(&self.gpu, bytes.next_power_of_two())?;
         }
-        if grown || grid.as_ref().map(Arc::as_ptr) != known.as_ref().map(Arc::as_ptr) {
-            self.gpu.queue.write_buffer(&self.lights, lights_bytes(scene), pairs);
+        if let Some(grid) = &self.light_grid
+            && (grown || !written.is_some_and(|written| Arc::ptr_eq(&written, grid)))
+        {
+            self.gpu.queue.write_buffer(&self.lights, lights_bytes(scene), bytemuck::cast_slice(grid.pairs()));
         }
-        self.light_grid = grid;
         Ok(grown)
     }
 

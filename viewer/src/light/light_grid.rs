@@ -95,6 +95,12 @@ impl LightGrid {
         self.lights == lights
     }
 
+    /// Returns the bytes of [`LightGrid::pairs`] at most for so many lights; 0 where they need no grid whatever is asked.
+    pub(crate) fn max_bytes(lights: usize) -> u64 {
+        let pairs = LIGHT_GRID_HEAD + lights + 1 + MAX_GRID_CELLS * (MAX_RANGES + 1);
+        if lights > LIGHT_CANDIDATES { (pairs * size_of::<[f32; 2]>()) as u64 } else { 0 }
+    }
+
     /// Returns the numbers as shaders read them, two words each.
     pub(crate) fn pairs(&self) -> &[[f32; 2]] {
         &self.pairs
@@ -183,10 +189,10 @@ fn around(lights: &[TreeLight], lit: Bounds) -> Bounds {
 /// Returns the cells on each axis of a box with these sides: as many as may be, about cubes.
 fn cells_of(sides: Vec3) -> [usize; 3] {
     let longest = sides.max_element();
-    if !(longest > 0.0 && longest.is_finite()) {
+    let mut width = longest / MAX_CELLS_ALONG;
+    if !(width >= f32::MIN_POSITIVE && longest.is_finite()) {
         return [1; 3];
     }
-    let mut width = longest / MAX_CELLS_ALONG;
     loop {
         let counts = sides.to_array().map(|side| (side / width).ceil().max(1.0) as usize);
         if counts.iter().product::<usize>() <= MAX_GRID_CELLS {

@@ -45,7 +45,7 @@ pub struct RenderParams {
     pub target_ms: Option<f64>,
     /// Whether noise is filtered out of the picture, which then has at least 2 frames.
     pub denoise: bool,
-    /// Whether the motion of what pixels show is told, too.
+    /// Whether the motion of what pixels show is told, too; of the pictures of a sequence, not of one alone.
     pub motion: bool,
 }
 
@@ -168,6 +168,7 @@ pub struct Rendered {
 /// [`ViewerError::Interrupted`].
 pub fn render(scene: &Scene, params: &RenderParams, control: &Control) -> Result<Rendered, ViewerError> {
     let mut last = None;
+    let params = &RenderParams { motion: false, ..params.clone() };
     render_sequence(scene, params, &Sequence::turntable(1), control, &mut |_, rendered| {
         last = Some(rendered);
         Ok(())
@@ -197,7 +198,10 @@ impl Sequence {
 /// wind one interval earlier.
 fn pose_before(scene: &Scene, sequence: &Sequence) -> Result<Pose, ViewerError> {
     let mut earlier = scene.clone();
-    earlier.camera.orbit(-sequence.turn_rad, 0.0);
+    // A turn keeps off the poles, where a camera that stands still may be.
+    if sequence.turn_rad != 0.0 {
+        earlier.camera.orbit(-sequence.turn_rad, 0.0);
+    }
     if sequence.interval_s != 0.0 {
         earlier.blow(scene.time_s - sequence.interval_s)?;
     }
@@ -222,7 +226,9 @@ pub fn render_sequence(
     let mut before = if params.motion { Some(pose_before(&scene, sequence)?) } else { None };
     for number in 0..sequence.pictures {
         if number > 0 {
-            scene.camera.orbit(sequence.turn_rad, 0.0);
+            if sequence.turn_rad != 0.0 {
+                scene.camera.orbit(sequence.turn_rad, 0.0);
+            }
         }
         if number > 0 && sequence.interval_s != 0.0 {
             scene.blow(began_s + f64::from(number) * sequence.interval_s)?;

@@ -48,10 +48,13 @@ pub struct PointLight {
 }
 
 impl PointLight {
-    /// Returns what the light is drawn by; one that is off, or no number, has no power.
+    /// Returns what the light is drawn by; one that is off, or of which a number is not finite, has no power.
     pub(crate) fn as_drawn(&self) -> TreeLight {
         let power = Vec3::from(self.intensity).max_element();
-        TreeLight { position: self.position, power: if power.is_finite() { power.max(0.0) } else { 0.0 } }
+        if !(self.position.is_finite() && power.is_finite()) {
+            return TreeLight { position: Vec3::ZERO, power: 0.0 };
+        }
+        TreeLight { position: self.position, power: power.max(0.0) }
     }
 }
 
@@ -471,15 +474,18 @@ impl Scene {
             .collect();
     }
 
-    /// Returns what draws the point lights, where there are more than candidates for `light_samples` of them: `known` where
-    /// that is of these lights, or a new one. Cost: that of [`LightGrid::new`] once lights have changed.
-    pub(crate) fn light_grid(&self, light_samples: u32, known: Option<Arc<LightGrid>>) -> Option<Arc<LightGrid>> {
+    /// Returns what draws the point lights, where there are more than candidates for `light_samples` of them: the grid that
+    /// is `kept` where that is of these lights, or a new one, which is kept. Cost: that of [`LightGrid::new`] once lights have
+    /// changed.
+    pub(crate) fn light_grid(&self, light_samples: u32, kept: &mut Option<Arc<LightGrid>>) -> Option<Arc<LightGrid>> {
         if self.lights.len() <= light_samples as usize * LIGHT_CANDIDATES {
             return None;
         }
         let lights: Vec<TreeLight> = self.lights.iter().map(|light| light.as_drawn()).collect();
-        let known = known.filter(|grid| grid.is_of(&lights));
-        Some(known.unwrap_or_else(|| Arc::new(LightGrid::new(lights, self.geometry.bounds()))))
+        if !kept.as_ref().is_some_and(|grid| grid.is_of(&lights)) {
+            *kept = Some(Arc::new(LightGrid::new(lights, self.geometry.bounds())));
+        }
+        kept.clone()
     }
 
     /// Returns the residual components of the asset that has most.

@@ -12,11 +12,12 @@ fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f
 fn volume_pass(at: vec2<u32>) {
 }
 
-// Returns the whole ray, and true: no front is asked for.
+// Returns the whole ray: no front is asked for.
 fn volume_range(spheres: SpheresAlong, instance: u32, begin: f32) -> vec2<f32> {
     return vec2<f32>(0.0, TRACE_FAR);
 }
 
+// Returns true: no front is asked for.
 fn volume_is_there(spheres: SpheresAlong, instance: u32, begin: f32, t: f32) -> bool {
     return true;
 }

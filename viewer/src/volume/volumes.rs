@@ -290,6 +290,11 @@ impl Volumes {
         self.proxies.bounding_sphere()
     }
 
+    /// Tells whether an instance of the proxies is one of several shells of a skin.
+    pub(crate) fn is_one_of_several(&self, instance: usize) -> bool {
+        matches!(self.proxy(instance), Proxy::Skin { skin, .. } if self.skins[skin].levels.len() > 1)
+    }
+
     /// Tells whether skins have several shells, of which distance decides.
     pub(crate) fn has_levels(&self) -> bool {
         self.skins.iter().any(|skin| skin.levels.len() > 1)

@@ -19,7 +19,7 @@ pub struct LandscapeCounts {
     pub trees: u64,
     /// Blades, petals, stems, branches and leaves that the volumes stand for, of the volumes that come with the viewer.
     pub primitives: u64,
-    /// Tetrahedra of the thick skin.
+    /// Tetrahedra of the thick skin's finest shell.
     pub tets: u64,
     /// Volumes.
     pub volumes: u64,

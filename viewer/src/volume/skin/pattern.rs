@@ -135,6 +135,10 @@ impl Pattern {
         if self.alternatives.is_empty() || self.alternatives.iter().any(|volumes| volumes[0] == NO_VOLUME) {
             return Err("a pattern without a volume, give each alternative one at least".into());
         }
+        let has_gap = |volumes: &Merged| volumes.windows(2).any(|two| two[0] == NO_VOLUME && two[1] != NO_VOLUME);
+        if self.alternatives.iter().any(has_gap) {
+            return Err("a pattern's alternative has a volume behind one that is missing, put its volumes first".into());
+        }
         if let Some(CellMap { size: [width, height], content }) = self.cells.as_deref() {
             if content.len() as u64 != u64::from(*width) * u64::from(*height) {
                 return Err(format!("a pattern's map has {} texels in place of {width} x {height}", content.len()));
@@ -391,5 +395,7 @@ mod tests {
         }
         assert!(Pattern { alternatives: Vec::new(), ..Pattern::cyclic(0) }.check().is_err());
         assert!(Pattern { alternatives: vec![merged(&[])], ..Pattern::cyclic(0) }.check().is_err());
+        let gap = vec![merged(&[0, NO_VOLUME, 2])];
+        assert!(Pattern { alternatives: gap, ..Pattern::cyclic(0) }.check().unwrap_err().contains("behind"));
     }
 }

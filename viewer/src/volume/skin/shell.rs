@@ -2,7 +2,7 @@
 
 use super::refine::{Cuts, Diagonal, Lattice, MIN_VOLUME, PRISM, ShellParams, cuts, diagonal, weights};
 use super::thick_skin::{Corners, Skin, SkinFace, orientation};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use std::collections::{HashMap, HashSet};
 
 /// Link of a face behind which the skin ends.
@@ -181,20 +181,20 @@ impl Shell {
         self.report
     }
 
-    /// Tells whether faces are whole and height vectors in one piece: no tolerance gives fewer tetrahedra.
-    pub(super) fn is_uncut(&self) -> bool {
-        self.report.sides * self.report.layers == 1
-    }
-
-    /// Returns the width of a texel in the world: the side of a cube that is as large as a texel is on average. Cost: a pass over the
-    /// tetrahedra.
+    /// Returns the width of a texel in the world: that of its longest side, on average over the texels. Cost: a pass over the tetrahedra.
     pub(super) fn texel_width(&self) -> f32 {
-        let volume = |[p, q, r, s]: [DVec3; 4]| (q - p).cross(r - p).dot(s - p).abs();
-        let texture = |tet: &Tet| tet.textures.map(|i| self.textures[i as usize].as_dvec3());
-        let [world, texels] = self.tets.iter().fold([0.0, 0.0], |[world, texels], tet| {
-            [world + volume(self.corners(tet)), texels + volume(texture(tet))]
-        });
-        if texels > 0.0 { (world / texels).cbrt() as f32 } else { 0.0 }
+        let edges = |[p, q, r, s]: [DVec3; 4]| DMat3::from_cols(q - p, r - p, s - p);
+        let (mut sum, mut texels) = (0.0, 0.0);
+        for tet in &self.tets {
+            let texture = edges(tet.textures.map(|i| self.textures[i as usize].as_dvec3()));
+            let sides = edges(self.corners(tet)) * texture.inverse();
+            let longest = [sides.x_axis, sides.y_axis, sides.z_axis].map(DVec3::length).into_iter().fold(0.0, f64::max);
+            if longest.is_finite() {
+                let own = texture.determinant().abs();
+                (sum, texels) = (sum + own * longest, texels + own);
+            }
+        }
+        if texels > 0.0 { (sum / texels) as f32 } else { 0.0 }
     }
 
     /// Returns the report with the counts of now, after the shell was moved. Cost: a pass over the tetrahedra.
