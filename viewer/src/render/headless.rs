@@ -225,10 +225,8 @@ pub fn render_sequence(
     let began_s = scene.time_s;
     let mut before = if params.motion { Some(pose_before(&scene, sequence)?) } else { None };
     for number in 0..sequence.pictures {
-        if number > 0 {
-            if sequence.turn_rad != 0.0 {
-                scene.camera.orbit(sequence.turn_rad, 0.0);
-            }
+        if number > 0 && sequence.turn_rad != 0.0 {
+            scene.camera.orbit(sequence.turn_rad, 0.0);
         }
         if number > 0 && sequence.interval_s != 0.0 {
             scene.blow(began_s + f64::from(number) * sequence.interval_s)?;
