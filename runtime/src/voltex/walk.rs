@@ -59,8 +59,8 @@ impl Walk {
         walk
     }
 
-    /// Returns the coordinate of the finest voxel at t, which callers bound to those that there are; 0 just below 0. Twin:
-    /// `voltex_walk_voxel_along`.
+    /// Returns the coordinate of the finest voxel at t, which callers bound to those that there are; 0 just below 0.
+    /// Twin: `voltex_walk_voxel_along`.
     fn voxel_along(&self, axis: usize, t: f32) -> i32 {
         ((self.ray.origin[axis] + self.ray.direction[axis] * t) * self.resolution as f32) as i32
     }
