@@ -7,7 +7,7 @@ use crate::geometry::surface::Surface;
 use crate::light::light_grid::LightGrid;
 use crate::options::{Filter, RenderMode, ShadeOptions};
 use crate::sampler;
-use crate::scene::camera::CameraFrame;
+use crate::scene::camera::{CameraFrame, jitter};
 use crate::scene::material::{Body, Material, NOISE_OCTAVES};
 use crate::scene::scene::Scene;
 use crate::shading::fractal_noise::fractal_noise;
@@ -65,6 +65,18 @@ impl Shader<'_> {
         let camera = scene.camera.frame(width, height);
         let lod_transition = LodTransition::new(camera.eye, camera.pixel_width(), 1.0);
         Shader { scene, camera, jitter: [0.0; 2], sample: 0, options, light_grid: None, lod_transition }
+    }
+
+    /// Returns a sample of a pixel that finds what its eye's ray meets first, without its lights.
+    pub(crate) fn of_first_hit<'a>(
+        scene: &'a Scene,
+        camera: CameraFrame,
+        options: ShadeOptions,
+        pixel: [u32; 2],
+        sample: u32,
+    ) -> Shader<'a> {
+        let lod_transition = LodTransition::of_path(camera.eye, camera.pixel_width(), pixel, sample);
+        Shader { scene, camera, jitter: jitter(sample), sample, options, light_grid: None, lod_transition }
     }
 
     /// Returns two numbers in [0, 1) for a purpose at a vertex.

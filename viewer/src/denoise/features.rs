@@ -3,9 +3,7 @@
 use crate::cpu::path::Path;
 use crate::cpu::shader::{FAR, Shader};
 use crate::geometry::bvh::NO_HIT;
-use crate::geometry::lod_transition::LodTransition;
 use crate::options::ShadeOptions;
-use crate::scene::camera::jitter;
 use crate::scene::scene::Scene;
 use crate::volume::light::AROUND_ROUGHNESS;
 use btf_runtime::LightRows;
@@ -43,17 +41,7 @@ pub(crate) fn features_of(
         (0..width).map(move |x| {
             let mut sum = Features::default();
             for sample in 0..count {
-                let lod_transition = LodTransition::of_path(camera.eye, camera.pixel_width(), [x, y], sample);
-                let shader = Shader {
-                    scene,
-                    camera,
-                    jitter: jitter(sample),
-                    sample,
-                    options: *options,
-                    light_grid: None,
-                    lod_transition,
-                };
-                shader.add_features([x, y], &mut sum);
+                Shader::of_first_hit(scene, camera, *options, [x, y], sample).add_features([x, y], &mut sum);
             }
             let share = 1.0 / count as f32;
             Features {

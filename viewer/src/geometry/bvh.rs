@@ -181,10 +181,11 @@ impl<L: Lanes> Leaves for Instances<'_, L> {
         let Traced { geometry, origin, direction, any, spheres, fronts, .. } = self.traced;
         let placed = &geometry.instances()[instance as usize];
         // Where the mesh begins to be there, and beyond what nothing counts; of fronts the ray begins only there.
-        let ([from, last], begin) = match any {
-            AnyHit::Front => (fronts.range(instance), fronts.range(instance)[0].max(0.0)),
-            AnyHit::Yes | AnyHit::No => (spheres.mesh(placed.leaf_width), 0.0),
+        let [from, last] = match any {
+            AnyHit::Front => fronts.range(instance),
+            AnyHit::Yes | AnyHit::No => spheres.mesh(placed.leaf_width),
         };
+        let begin = if any == AnyHit::Front { from.max(0.0) } else { 0.0 };
         if from >= last.min(*reach) {
             return false;
         }

@@ -200,7 +200,6 @@ fn twins_hold_the_same_functions_in_the_same_order() {
         "shell_face",
         "volume_slot_of",
         "volume_offset",
-        "volume_widths",
         // Operators and iterators of Rust.
         "most",
         "volume_times",

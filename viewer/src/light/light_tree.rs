@@ -34,7 +34,7 @@ struct LightRange {
 /// A node of a cut.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CutRange {
-    /// Its lights, by their places in the tree's order.
+    /// The first of the node's lights, as a place in the tree's order.
     pub first: u32,
     /// Power over the mean squared distance, 0 or more.
     pub importance: f64,

@@ -11,9 +11,8 @@ use crate::cpu::path::Path;
 use crate::cpu::shader::{FAR, Shader};
 use crate::error::ViewerError;
 use crate::geometry::bvh::NO_HIT;
-use crate::geometry::lod_transition::LodTransition;
 use crate::options::ShadeOptions;
-use crate::scene::camera::{CameraFrame, jitter};
+use crate::scene::camera::CameraFrame;
 use crate::scene::scene::Scene;
 use crate::volume::volumes::SkinTet;
 use glam::{DVec2, DVec3};
@@ -63,16 +62,7 @@ pub(crate) fn motion_of(
     let camera_before = before.camera.frame(width, height);
     let pixel = |x: u32, y: u32| {
         let seen = (0..samples.clamp(1, MAX_SAMPLES)).map(|sample| {
-            let lod_transition = LodTransition::of_path(camera.eye, camera.pixel_width(), [x, y], sample);
-            let shader = Shader {
-                scene,
-                camera,
-                jitter: jitter(sample),
-                sample,
-                options: *options,
-                light_grid: None,
-                lod_transition,
-            };
+            let shader = Shader::of_first_hit(scene, camera, *options, [x, y], sample);
             shader.motion_seen([x, y], before, &camera_before)
         });
         of_most(&mut seen.collect::<Vec<Seen>>())

@@ -520,14 +520,21 @@ impl<'a> Stretches<'a> {
             });
         }
     }
+
+    /// Returns the widths about whose spheres a proxy begins and ends to be entered; 0 for no sphere.
+    fn widths(&self, instance: u32) -> [f32; 2] {
+        match self.volumes.proxy(instance as usize) {
+            Proxy::Box(_) => [0.0; 2],
+            Proxy::Skin { skin, level } => self.volumes.skins[skin].widths(level),
+        }
+    }
 }
 
 /// The fronts of proxies, along the ray from `from` on: of a skin's shells one is there to be entered, by the distance from the eye. What was
 /// entered before the ray began is entered by the shell of where it began, so shells do not hide each other.
 impl Fronts for Stretches<'_> {
     fn range(&self, instance: u32) -> [f32; 2] {
-        let Proxy::Skin { skin, level } = self.volumes.proxy(instance as usize) else { return [0.0, f32::INFINITY] };
-        let [from_width, to_width] = self.volumes.skins[skin].widths(level);
+        let [from_width, to_width] = self.widths(instance);
         let [begin, end] = self.spheres.range_between(from_width, to_width, 0.0);
         match (begin <= 0.0, end <= 0.0) {
             (_, true) => [0.0, 0.0],
@@ -538,8 +545,7 @@ impl Fronts for Stretches<'_> {
     }
 
     fn is_there(&self, instance: u32, t: f32) -> bool {
-        let Proxy::Skin { skin, level } = self.volumes.proxy(instance as usize) else { return true };
-        let [from_width, to_width] = self.volumes.skins[skin].widths(level);
+        let [from_width, to_width] = self.widths(instance);
         self.spheres.is_between(from_width, to_width, (self.from + t).max(0.0))
     }
 }

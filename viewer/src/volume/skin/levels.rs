@@ -1,8 +1,8 @@
 //! Shells of one skin from fine to coarse. A texel that lies a little beside its place is not seen so where that is less than a pixel,
 //! and a shell that may be so far off has fewer tetrahedra: 192, 48 or 6 of a texel of a lawn.
 
-use super::refine::{Cuts, ShellParams, cuts};
-use super::shell::Shell;
+use super::refine::{ShellParams, cuts};
+use super::shell::{MAX_TETS, Shell};
 use super::thick_skin::Skin;
 
 /// Factor on the tolerance from one level to the next.
@@ -31,22 +31,23 @@ impl ShellLevel {
     pub fn all(skin: &Skin, params: &ShellParams) -> Result<Vec<ShellLevel>, String> {
         let finest = Shell::new(skin, params)?;
         let texel_width = finest.texel_width();
-        let parts = |cuts: &Cuts| (cuts.sides * cuts.sides * cuts.layers) as f32;
-        let mut latest = cuts(skin, params);
+        let parts = |sides: u32, layers: u32| (sides * sides * layers) as f32;
+        let mut latest = parts(finest.report().sides, finest.report().layers);
+        let most_tets = params.most_tets.min(MAX_TETS);
         let mut levels = vec![ShellLevel { shell: finest, from_width: 0.0 }];
         let mut tolerance = params.tolerance;
         // Faces and heights that are whole are the coarsest.
-        while parts(&latest) > 1.0 {
+        while latest > 1.0 {
             tolerance *= COARSER;
-            let coarser = ShellParams { tolerance, ..*params };
-            let found = cuts(skin, &coarser);
-            if parts(&found) > FEWER * parts(&latest) {
+            let found = cuts(skin, &ShellParams { tolerance, most_tets });
+            let own = parts(found.sides, found.layers);
+            if own > FEWER * latest {
                 continue;
             }
-            latest = found;
+            latest = own;
             let from_width = WIDTH_DEVIATIONS * found.deviation * texel_width;
             if levels.iter().all(|level| level.from_width < from_width) {
-                levels.push(ShellLevel { shell: Shell::new(skin, &coarser)?, from_width });
+                levels.push(ShellLevel { shell: Shell::of_cuts(skin, found)?, from_width });
             }
         }
         Ok(levels)

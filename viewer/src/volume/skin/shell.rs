@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 /// Link of a face behind which the skin ends.
 pub const NO_LINK: u32 = u32::MAX;
 /// Tetrahedra at most: a link numbers their faces.
-const MAX_TETS: usize = 1 << 28;
+pub(super) const MAX_TETS: usize = 1 << 28;
 /// The faces of a tetrahedron: that opposite of vertex i is number i, counter-clockwise from outside.
 pub(super) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
@@ -85,7 +85,14 @@ impl Shell {
         if 6 * skin.faces().len() > MAX_TETS {
             return Err(format!("a skin of {} faces is too large, at most 2^28 / 6 are allowed", skin.faces().len()));
         }
-        let cuts = cuts(skin, &ShellParams { most_tets: params.most_tets.min(MAX_TETS), ..*params });
+        Shell::of_cuts(skin, cuts(skin, &ShellParams { most_tets: params.most_tets.min(MAX_TETS), ..*params }))
+    }
+
+    /// Builds the shell of `skin` with these cuts, see [`Shell::new`].
+    ///
+    /// # Errors
+    /// As [`Shell::refresh`].
+    pub(super) fn of_cuts(skin: &Skin, cuts: Cuts) -> Result<Shell, String> {
         let mut builder = Builder::new(skin, cuts);
         for face in skin.faces() {
             builder.add_face(face);
