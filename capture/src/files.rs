@@ -6,7 +6,8 @@ pub use page::{exists, hand_over, list, open, read, shared, take_written, write}
 #[cfg(not(target_arch = "wasm32"))]
 pub use system::{exists, list, open, read};
 
-use std::io;
+use std::io::{self, Read, Seek};
+use std::ops::Range;
 use std::path::Path;
 
 /// Reads a text file whole.
@@ -15,6 +16,26 @@ use std::path::Path;
 /// Those of [`read`]; [`io::ErrorKind::InvalidData`] where it is no UTF-8.
 pub fn read_to_string(path: impl AsRef<Path>) -> io::Result<String> {
     String::from_utf8(read(path)?).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+}
+
+/// Returns the length of a file in bytes.
+///
+/// # Errors
+/// Those of [`open`] and of reading.
+pub fn length(path: impl AsRef<Path>) -> io::Result<u64> {
+    open(path)?.seek(io::SeekFrom::End(0))
+}
+
+/// Reads a part of a file: the bytes of a range, fewer where the file ends before. Takes memory for what is read only.
+///
+/// # Errors
+/// Those of [`open`] and of reading.
+pub fn read_range(path: impl AsRef<Path>, range: Range<u64>) -> io::Result<Vec<u8>> {
+    let mut file = open(path)?;
+    file.seek(io::SeekFrom::Start(range.start))?;
+    let mut bytes = Vec::new();
+    file.take(range.end.saturating_sub(range.start)).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 #[cfg(not(target_arch = "wasm32"))]

@@ -6,7 +6,8 @@ mod document;
 
 use btf_runtime::testing::{Random, sample_volume};
 use btf_runtime::voltex::{
-    Facets, LevelShadow, MicroflakeMaterial, Sym3, Voltex, Volume, VolumeLevel, Voxel, read_voltex_directory,
+    Facets, LevelShadow, MicroflakeMaterial, Sym3, Voltex, VoltexSection, Volume, VolumeLevel, Voxel,
+    read_voltex_directory,
 };
 use document::{block, bytes_from_dump, output_of, python};
 use half::f16;
@@ -144,16 +145,30 @@ fn agree(lines: &BTreeMap<String, String>, numbers: &BTreeMap<String, Vec<f64>>)
 
 #[test]
 fn the_second_reader_finds_the_same_numbers() {
-    let volumes = [example(), sample_volume(1, 1, 1), sample_volume(2, 4, 30), sample_volume(3, 6, 150)];
+    let volumes = [
+        example(),
+        sample_volume(1, 1, 1),
+        sample_volume(2, 4, 30),
+        sample_volume(3, 6, 150),
+        sample_volume(4, 10, 60),
+    ];
     let files: Vec<Vec<u8>> = volumes.iter().map(|volume| volume.pack().unwrap()).collect();
     let tier = read_voltex_directory(&files[3]).unwrap().tiers[3] as usize;
-    let all = [&files[..], &[files[3][..tier].to_vec()]].concat();
+    let bricked = read_voltex_directory(&files[4]).unwrap();
+    // Of the last tier but one, which has bricks.
+    let tiers = [files[3][..tier].to_vec(), files[4][..bricked.tiers[8] as usize].to_vec()];
+    let all = [&files[..], &tiers].concat();
     let numbers: Vec<_> = all.iter().map(|bytes| numbers_of(bytes)).collect();
     for (i, bytes) in all.iter().enumerate() {
         let lines = read_by_the_document(&format!("same-{i}"), bytes);
         assert!(agree(&lines, &numbers[i]), "file {i}: {lines:?}");
-        let levels = numbers[i].keys().filter(|name| name.ends_with("shadow")).count();
-        assert_eq!(lines["streams, those that the encoder of the text makes again"], format!("{levels} {levels}"));
+        let is_stream = |kind: u32, index: u32| {
+            kind == VoltexSection::Brick as u32 || (kind == VoltexSection::Level as u32 && index < 8)
+        };
+        let sections = read_voltex_directory(bytes).unwrap().sections;
+        let at_hand = sections.iter().filter(|entry| (entry.offset as usize) < bytes.len());
+        let streams = at_hand.filter(|entry| is_stream(entry.kind, entry.index)).count();
+        assert_eq!(lines["streams, those that the encoder of the text makes again"], format!("{streams} {streams}"));
         assert!(lines["description"].starts_with('{'));
         // Planted differences: another file, and a number that is a little off.
         assert!(!agree(&lines, &numbers[(i + 1) % numbers.len()]));
@@ -174,7 +189,22 @@ fn the_second_reader_refuses_what_this_one_does() {
         bytes[at] ^= 1 << random.below(8);
         bytes
     }));
+    // Bricks, and a tier that ends among them is none.
+    let bricked = sample_volume(5, 9, 20).pack().unwrap();
+    let last = read_voltex_directory(&bricked).unwrap().sections.last().copied().unwrap();
+    files.push(bricked.clone());
+    files.push(bricked[..last.offset as usize].to_vec());
     // Behind the checksums.
+    let parts = btf_runtime::testing::FileParts::from_voltex_bytes(&bricked).unwrap();
+    files.extend((0..60).map(|_| {
+        let mut forged = parts.clone();
+        let sections = forged.sections.len();
+        // What the bricks are behind.
+        let bytes = &mut forged.sections[sections - 1 - random.below(20)].bytes;
+        let at = random.below(bytes.len());
+        bytes[at] = random.bits() as u8;
+        forged.to_bytes()
+    }));
     let parts = btf_runtime::testing::FileParts::from_voltex_bytes(&good).unwrap();
     files.extend((0..120).map(|_| {
         let mut forged = parts.clone();

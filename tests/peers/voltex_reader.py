@@ -17,7 +17,7 @@ from math import ceil, cos, pi, sin, sqrt
 from spmm.container import Container
 from spmm.entropy_coder import STREAMS, Decoder, Signed, Tree, bits, encoded, must
 
-DESCRIPTION, MATERIALS, LEVEL = 1, 2, 3
+DESCRIPTION, MATERIALS, LEVEL, BRICK = 1, 2, 3, 4
 
 
 class Head(Container):
@@ -31,7 +31,7 @@ class Head(Container):
         self.extent, (self.side_m,) = struct.unpack("<3f", data[36:48]), struct.unpack("<f", data[60:64])
         must(all(0 < x <= 1 for x in self.extent), "the extent is out of its range")
         must(0 < self.side_m <= 1e9, "the side is out of its range")
-        self.read_tables(16, 1, (DESCRIPTION, MATERIALS, LEVEL))
+        self.read_tables(16, 1, (DESCRIPTION, MATERIALS, LEVEL, BRICK))
 
 
 class Voxel:
@@ -116,12 +116,17 @@ def read_voxels(decoder, expected):
     return voxels
 
 
-def read_level(section, coarser, materials):
-    """The shadow's numbers, the clumping's, the facets', the voxels as `(place, voxel)`, and others as `(number of the voxel, voxel)`."""
+def read_numbers(section):
+    """The shadow's numbers, the clumping's and the facets'."""
     shadow, clumping, facets = (section.numbers("f", count) for count in (11, 6, 15))
     must(0 <= shadow[0] <= 1024 and all(-16 <= share <= 1 for share in shadow[1:]), "a shadow is out of its range")
     must(all(-4 <= entry <= 4 for entry in clumping), "a clumping is out of its range")
     must(all(-64 <= number <= 64 for number in facets), "facets are out of their range")
+    return shadow, clumping, facets
+
+
+def read_stream(section, coarser, materials):
+    """The voxels of a level or of a brick as `(place, voxel)`, and others as `(number of the voxel, voxel)`."""
     decoder = Decoder(section.data, 8 * len(coarser))
     if coarser:
         tree = Tree()
@@ -147,7 +152,28 @@ def read_level(section, coarser, materials):
     others = list(zip(others, read_voxels(decoder, [(voxels[i], 0) for i in others])))
     decoder.end()
     must(all(voxel.material < materials for voxel in voxels + [voxel for _, voxel in others]), "a material is not there")
-    return shadow, clumping, facets, list(zip(places, voxels)), others
+    return list(zip(places, voxels)), others
+
+
+def morton(place):
+    return sum((place[axis] >> bit & 1) << (3 * bit + axis) for bit in range(3) for axis in range(3))
+
+
+def read_bricks(head, section, index, bricks, coarser):
+    """The voxels of a level that is stored by brick, and its others; `None` if one of its bricks is not at hand."""
+    counts = section.numbers("I", 2 * len(bricks))
+    section.end()
+    numbers = [512 * index + morton(brick) for brick in bricks]
+    if not head.whole and not all(head.has(BRICK, 0, number) for number in numbers):
+        return None
+    voxels, others = [], []
+    for i, (brick, number) in enumerate(zip(bricks, numbers)):
+        parents = [(place, voxel) for place, voxel in coarser if tuple(x >> (index - 4) for x in place) == brick]
+        own, beside = read_stream(head.section(BRICK, 0, number), parents, head.materials)
+        must((len(own), len(beside)) == tuple(counts[2 * i : 2 * i + 2]), "a brick has not as many voxels as its level says")
+        others += [(len(voxels) + at, voxel) for at, voxel in beside]
+        voxels += own
+    return voxels, others
 
 
 def show(name, numbers):
@@ -167,11 +193,21 @@ def read(path):
     section.end()
     must(all(0 <= x <= 1 for x in numbers), "a material is out of its range")
     show("materials", numbers)
-    coarser = []
+    coarser, bricks = [], []
     for index in range(head.levels):
         if not head.has(LEVEL, 0, index) and index > 0 and not head.whole:
             break
-        shadow, clumping, facets, coarser, others = read_level(head.section(LEVEL, 0, index), coarser, head.materials)
+        section = head.section(LEVEL, 0, index)
+        shadow, clumping, facets = read_numbers(section)
+        if index < 8:
+            found = read_stream(section, coarser, head.materials)
+        else:
+            found = read_bricks(head, section, index, bricks, coarser)
+        if found is None:
+            break
+        coarser, others = found
+        if index == 3:
+            bricks = [place for place, _ in coarser]
         show(f"level {index}: shadow", shadow)
         show(f"level {index}: clumping", clumping)
         show(f"level {index}: facets", facets)

@@ -93,6 +93,7 @@ pub use light::sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use motion::motion_picture::{BACKGROUND_DEPTH, MotionPicture, MotionPixel};
 pub use options::{DecoderForm, Filter, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
 pub use picture::{Picture, PixelHit};
+pub use render::bricks::{BrickReport, USUAL_VOLUME_BUDGET_MB};
 pub use render::control::Control;
 pub use render::governor::Spending;
 pub use render::headless::{MAX_SIDE, RenderParams, RenderReport, Rendered, Sequence, render, render_sequence};

@@ -18,6 +18,8 @@ pub struct WindowParams {
     pub shade: ShadeOptions,
     /// Milliseconds that a frame may take; components, lobes and lights are what is saved.
     pub target_ms: Option<f64>,
+    /// Megabytes that volumes may take: they are drawn coarser where they would take more.
+    pub volume_budget_mb: u32,
     /// What the split view shows in place of the scene's first leaf, or first asset.
     pub compare: Option<Arc<SceneAsset>>,
 }

@@ -94,7 +94,7 @@ pub(crate) fn examine_directory_of<F: FileFormat>(
     let head = F::read_head(&mut reader);
     let head = head.filter(|_| faults.len() == before)?;
     let (tiers, tier) = read_tiers(bytes, [section_count, tier_count], F::alignment(&head), faults)?;
-    let sections: Vec<SectionEntry> = (0..section_count).map(|number| read_entry(bytes, number)).collect();
+    let sections: Vec<SectionEntry> = entries_of(bytes, section_count).collect();
     let (bodies, placed) = place_sections::<F>(bytes, &head, &sections, tier_count, faults);
     let intact = map(threads, bodies.len(), |i| checksum(bodies[i].1) == sections[bodies[i].0].checksum);
     let damaged: Vec<usize> = bodies.iter().zip(intact).filter(|(_, intact)| !intact).map(|(body, _)| body.0).collect();
@@ -108,6 +108,11 @@ pub(crate) fn examine_directory_of<F: FileFormat>(
 pub(crate) fn tier_lengths_of<F: FileFormat>(beginning: &[u8]) -> Result<Vec<u32>, FormatError> {
     let counts = read_counts::<F>(beginning)?;
     Ok(tier_table(beginning, counts))
+}
+
+/// Returns the first `count` rows of the section table, from a file's beginning that holds them.
+pub(crate) fn entries_of(beginning: &[u8], count: usize) -> impl Iterator<Item = SectionEntry> {
+    (0..count).map(|number| read_entry(beginning, number))
 }
 
 /// Returns the tier table; `counts` are the numbers of sections and of tiers.

@@ -19,7 +19,7 @@ pub use dense_asset::dense_asset;
 pub use file_parts::{FileParts, SectionPart, repair_header_checksum};
 pub use random::{Random, direction_from_degrees, ring_directions, sphere_direction};
 pub use traffic::{EvaluationTraffic, evaluation_traffic};
-pub use volumes::{RAY_KINDS, random_volume, sample_ray, sample_volume};
+pub use volumes::{RAY_KINDS, random_volume, sample_ray, sample_volume, take_children};
 
 #[cfg(test)]
 mod tests {

@@ -111,6 +111,26 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
     }
 }
 
+/// Takes all children away from each voxel of an even level, counted from the finest, with probability `share`, as
+/// where bricks are not loaded.
+pub fn take_children(random: &mut Random, volume: &mut Volume, share: f32) {
+    for level in (2..volume.levels.len()).step_by(2).rev() {
+        let parents: BTreeSet<u64> = volume.levels[level].voxels.iter().map(|(at, _)| order(*at)).collect();
+        let parents: BTreeSet<u64> = parents.into_iter().filter(|_| random.within(0.0, 1.0) < share).collect();
+        for finer in 0..level {
+            let up = 3 * (level - finer);
+            let own = &mut volume.levels[finer];
+            let kept: Vec<bool> = own.voxels.iter().map(|(at, _)| !parents.contains(&(order(*at) >> up))).collect();
+            let mut number = 0;
+            let numbers: Vec<u32> = kept.iter().map(|kept| (number, number += u32::from(*kept)).0).collect();
+            own.others.retain(|(number, _)| kept[*number as usize]);
+            own.others.iter_mut().for_each(|(number, _)| *number = numbers[*number as usize]);
+            let mut kept = kept.into_iter();
+            own.voxels.retain(|_| kept.next() == Some(true));
+        }
+    }
+}
+
 /// Number of kinds of [`sample_ray`].
 pub const RAY_KINDS: usize = 8;
 

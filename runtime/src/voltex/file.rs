@@ -1,10 +1,13 @@
 //! The file of a volume, `.voltex`: the container of [`crate::container`] with a description, the materials and the
-//! levels, the coarsest first, each of which ends a tier. Normative text: docs/reference/voltex.md.
+//! levels, the coarsest first, each of which ends a tier; levels of more than 128 voxels a side are stored by brick.
+//! Normative text: docs/reference/voltex.md.
 
-use super::codes::{DENSITY_STEPS, VoxelCodes};
-use super::coding::{CodedVoxel, MIN_DECISIONS, code_masks, code_others, code_voxels, density_of_children};
+use super::bricks::{BRICK_LEVEL, BrickCount, MAX_WHOLE_LEVEL, brick_index, bricks_of, within_brick};
+use super::codes::VoxelCodes;
+use super::coding::CodedVoxel;
 use super::error::{VOLTEX_NAMES, VoltexError};
 use super::facets::{Facets, MAX_FACETS};
+use super::level_stream::{CodedVoxels, PlacedVoxel, code_stream, read_stream};
 use super::matrix::Sym3;
 use super::rule;
 use super::volume::{
@@ -13,14 +16,13 @@ use super::volume::{
 use super::voxel::Voxel;
 use super::words::{CLUMPING_AT, FACETS_AT, LEVEL_WORDS};
 use crate::container::directory::{Directory, read_directory_of};
-use crate::container::entropy::{Decoder, Encoder, bounded};
 use crate::container::fault::Faults;
 use crate::container::file_format::{ALIGNMENT, FileFormat, HeaderReader};
 use crate::container::sections::{Reader, Sections};
 use crate::container::writer::{SectionSource, write_file_of};
 use crate::error::{FormatError, Names};
 use crate::rule::Rule;
-use crate::threads::{Threads, fill, serial};
+use crate::threads::{Threads, fill, map, serial};
 use half::f16;
 
 /// Format version that this package writes and reads.
@@ -58,15 +60,17 @@ pub enum VoltexSection {
     Description = 1,
     /// Materials of the microflakes.
     Materials = 2,
-    /// The voxels of a level; index 0 the coarsest, which is one voxel.
+    /// The numbers of a level, and its voxels where it is stored whole; index 0 the coarsest, which is one voxel.
     Level = 3,
+    /// The voxels of a level within a brick; index 512 times that of the level, and the brick's Morton number.
+    Brick = 4,
 }
 
 impl VoltexSection {
     /// Returns the kind with a number; `None` if this version does not know it.
     pub fn from_number(number: u32) -> Option<VoltexSection> {
         use VoltexSection::*;
-        [Description, Materials, Level].into_iter().find(|kind| *kind as u32 == number)
+        [Description, Materials, Level, Brick].into_iter().find(|kind| *kind as u32 == number)
     }
 }
 
@@ -217,23 +221,29 @@ impl Volume {
             section(VoltexSection::Description, 0, self.description.clone().into_bytes(), false),
             section(VoltexSection::Materials, 0, materials.flat_map(f16::to_le_bytes).collect(), false),
         ];
-        let mut coarser: Vec<([u32; 3], CodedVoxel)> = Vec::new();
-        for (index, level) in self.levels.iter().rev().enumerate() {
-            let code = |voxel: &Voxel| {
-                let codes = VoxelCodes::of(&voxel.extinction);
-                let codes = codes.ok_or(FormatError::Pack { reason: "a voxel is too dense".into() })?;
-                Ok::<_, FormatError>(CodedVoxel { codes, material: voxel.material })
-            };
-            let coded = level.voxels.iter().map(|(at, voxel)| Ok((*at, code(voxel)?)));
-            let coded = coded.collect::<Result<Vec<_>, FormatError>>()?;
-            let others = level.others.iter().map(|(number, voxel)| Ok((*number, code(voxel)?)));
-            let others = others.collect::<Result<Vec<_>, FormatError>>()?;
+        let mut coarser: Vec<PlacedVoxel> = Vec::new();
+        let mut bricks: Vec<u64> = Vec::new();
+        for (index, level) in (0u32..).zip(self.levels.iter().rev()) {
+            let coded = coded(level)?;
             let numbers = std::iter::once(level.shadow.offset).chain(level.shadow.shared);
             let numbers = numbers.chain(level.clumping.0).chain(level.facets.0);
             let mut bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
-            bytes.extend(level_stream(&coarser, &coded, &others));
-            sections.push(section(VoltexSection::Level, index, bytes, true));
-            coarser = coded;
+            if index <= MAX_WHOLE_LEVEL {
+                bytes.extend(code_stream(&coarser, &coded.voxels, &coded.others, 0));
+                sections.push(section(VoltexSection::Level, index as usize, bytes, true));
+            } else {
+                let streams = brick_streams(&bricks, index, &coarser, &coded);
+                let counts = streams.iter().flat_map(|(_, count, _)| [count.voxels, count.others]);
+                bytes.extend(counts.flat_map(u32::to_le_bytes));
+                sections.push(section(VoltexSection::Level, index as usize, bytes, false));
+                let last = bricks.last().copied();
+                sections.extend(streams.into_iter().map(|(brick, _, stream)| {
+                    let index = brick_index(index, brick) as usize;
+                    section(VoltexSection::Brick, index, stream, Some(brick) == last)
+                }));
+            }
+            bricks = if index == BRICK_LEVEL { bricks_of(&coded.voxels) } else { bricks };
+            coarser = coded.voxels;
         }
         let head = VoltexHead {
             levels: self.levels.len() as u32,
@@ -307,56 +317,37 @@ impl Volume {
     }
 }
 
-/// Codes the stream of a level whose coarser one is `coarser`. The coarsest level, which has no coarser one, is the
-/// only child of [`ROOT_PARENT`].
-fn level_stream(
-    coarser: &[([u32; 3], CodedVoxel)],
-    level: &[([u32; 3], CodedVoxel)],
-    others: &[(u32, CodedVoxel)],
-) -> Vec<u8> {
-    let mut coder = Encoder::new();
-    let parents = if coarser.is_empty() {
-        ROOT_PARENT.to_vec()
-    } else {
-        let mut children = level.iter().map(|(at, _)| order(*at)).peekable();
-        let mut masks: Vec<u8> = coarser
-            .iter()
-            .map(|(at, _)| {
-                let number = order(*at);
-                let own = std::iter::from_fn(|| children.next_if(|child| child >> 3 == number));
-                own.fold(0, |mask, child| mask | 1 << (child & 7))
-            })
-            .collect();
-        code_masks(&mut coder, &mut masks);
-        coarser.iter().map(|(_, voxel)| *voxel).zip(masks).collect()
+/// Returns the codes of a level's voxels.
+fn coded(level: &VolumeLevel) -> Result<CodedVoxels, FormatError> {
+    let code = |voxel: &Voxel| {
+        let codes = VoxelCodes::of(&voxel.extinction);
+        let codes = codes.ok_or(FormatError::Pack { reason: "a voxel is too dense".into() })?;
+        Ok::<_, FormatError>(CodedVoxel { codes, material: voxel.material })
     };
-    let mut voxels: Vec<CodedVoxel> = level.iter().map(|(_, voxel)| *voxel).collect();
-    code_voxels(&mut coder, children(&parents), &mut voxels);
-    let mut have = vec![false; voxels.len()];
-    others.iter().for_each(|(number, _)| have[*number as usize] = true);
-    code_others(&mut coder, &mut have);
-    let first = others.iter().map(|(number, _)| (voxels[*number as usize], 0));
-    let mut others: Vec<CodedVoxel> = others.iter().map(|(_, voxel)| *voxel).collect();
-    code_voxels(&mut coder, first, &mut others);
-    coder.finish()
+    let voxels = level.voxels.iter().map(|(at, voxel)| Ok((*at, code(voxel)?)));
+    let others = level.others.iter().map(|(number, voxel)| Ok((*number, code(voxel)?)));
+    let (voxels, others): (Result<_, FormatError>, Result<_, FormatError>) = (voxels.collect(), others.collect());
+    Ok(CodedVoxels { voxels: voxels?, others: others? })
 }
 
-/// Returns for each child its parent, and by how much denser than that it is expected to be.
-fn children(parents: &[(CodedVoxel, u8)]) -> impl Iterator<Item = (CodedVoxel, i32)> {
-    parents.iter().flat_map(|(parent, mask)| {
-        let count = mask.count_ones();
-        std::iter::repeat_n((*parent, density_of_children(count)), count as usize)
-    })
+/// Returns the stream of each brick of a level that is stored by brick, with the numbers of its voxels.
+fn brick_streams(
+    bricks: &[u64],
+    level: u32,
+    coarser: &[PlacedVoxel],
+    coded: &CodedVoxels,
+) -> Vec<(u64, BrickCount, Vec<u8>)> {
+    let mut others = coded.others.as_slice();
+    let stream = |brick: &u64| {
+        let parents = within_brick(coarser, level - 1, *brick);
+        let own = within_brick(&coded.voxels, level, *brick);
+        let (mine, rest) = others.split_at(others.partition_point(|(number, _)| (*number as usize) < own.end));
+        others = rest;
+        let count = BrickCount { voxels: own.len() as u32, others: mine.len() as u32 };
+        (*brick, count, code_stream(&coarser[parents], &coded.voxels[own.clone()], mine, own.start as u32))
+    };
+    bricks.iter().map(stream).collect()
 }
-
-/// Parent of the coarsest level's voxel, its only child, of which density 1 is expected.
-const ROOT_PARENT: [(CodedVoxel, u8); 1] = [(
-    CodedVoxel {
-        codes: VoxelCodes { density: -3 * DENSITY_STEPS, axis: 0, ratios: [0; 2], angles: [0; 3] },
-        material: 0,
-    },
-    1,
-)];
 
 /// Reads the volume with this directory, and continues after a fault with every section that does not depend on a
 /// faulty one. Returns `None` if there is any fault.
@@ -374,18 +365,43 @@ pub(crate) fn examine_volume(
     let materials = sections.get(VoltexSection::Materials, 0, 0, faults);
     let materials = materials.and_then(|reader| faults.keep(read_materials(reader, head.materials as usize)));
     let mut levels: Vec<VolumeLevel> = Vec::new();
-    let mut coarser: Vec<([u32; 3], CodedVoxel)> = Vec::new();
+    let mut coarser: Vec<PlacedVoxel> = Vec::new();
+    let mut bricks: Vec<u64> = Vec::new();
     for index in 0..head.levels {
         // Every tier has the coarsest.
         let reader = match index {
             0 => sections.get(VoltexSection::Level, 0, 0, faults),
             _ => sections.get_in_tier(VoltexSection::Level, 0, index, faults),
         };
-        let level = reader.and_then(|reader| faults.keep(read_level(reader, &coarser, head.materials)));
-        let Some(CodedLevel { shadow, clumping, facets, voxels: coded, others }) = level else { break };
-        let voxels = decoded(threads, &coded);
-        levels.push(VolumeLevel { shadow, clumping, facets, voxels, others: decoded(threads, &others) });
-        coarser = coded;
+        let level = reader.and_then(|reader| {
+            let (numbers, reader) = faults.keep(read_numbers(reader))?;
+            let coded = if index <= MAX_WHOLE_LEVEL {
+                faults.keep(read_whole(reader, &coarser, head.materials))?
+            } else {
+                let readers: Option<Vec<Reader>> = bricks
+                    .iter()
+                    .map(|brick| sections.get_in_tier(VoltexSection::Brick, 0, brick_index(index, *brick), faults))
+                    .collect();
+                let readers = readers?;
+                let counts = faults.keep(read_counts(reader, bricks.len()))?;
+                let parts: Vec<&[PlacedVoxel]> =
+                    bricks.iter().map(|brick| &coarser[within_brick(&coarser, index - 1, *brick)]).collect();
+                let read = |i: usize| read_brick(&readers[i], counts[i], parts[i], head.materials);
+                let read = map(threads, readers.len(), read);
+                let mut coded = CodedVoxels::default();
+                for brick in read {
+                    coded.append(faults.keep(brick)?);
+                }
+                coded
+            };
+            Some((numbers, coded))
+        });
+        let Some((numbers, coded)) = level else { break };
+        levels.push(level_of(&numbers, &coded, threads));
+        if index == BRICK_LEVEL {
+            bricks = bricks_of(&coded.voxels);
+        }
+        coarser = coded.voxels;
     }
     levels.reverse();
     let volume = Volume {
@@ -410,7 +426,7 @@ fn decoded<T: Copy + Default + Send + Sync>(threads: Threads, coded: &[(T, Coded
     voxels
 }
 
-fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<MicroflakeMaterial>, FormatError> {
+pub(super) fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<MicroflakeMaterial>, FormatError> {
     let halves = reader.halves(8 * count)?;
     reader.end()?;
     if !material_in_range(&halves) {
@@ -419,20 +435,23 @@ fn read_materials(mut reader: Reader, count: usize) -> Result<Vec<MicroflakeMate
     Ok(halves.chunks_exact(8).map(MicroflakeMaterial::from_halves).collect())
 }
 
-/// A level as a file has it.
-struct CodedLevel {
+/// The numbers of a level.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LevelNumbers {
     shadow: LevelShadow,
     clumping: Sym3,
     facets: Facets,
-    voxels: Vec<([u32; 3], CodedVoxel)>,
-    others: Vec<(u32, CodedVoxel)>,
 }
 
-fn read_level(
-    mut reader: Reader,
-    coarser: &[([u32; 3], CodedVoxel)],
-    materials: u32,
-) -> Result<CodedLevel, FormatError> {
+/// Returns a level of voxels that are decoded on `threads`.
+pub(super) fn level_of(numbers: &LevelNumbers, coded: &CodedVoxels, threads: Threads) -> VolumeLevel {
+    let LevelNumbers { shadow, clumping, facets } = *numbers;
+    let (voxels, others) = (decoded(threads, &coded.voxels), decoded(threads, &coded.others));
+    VolumeLevel { shadow, clumping, facets, voxels, others }
+}
+
+/// Reads the numbers of a level; what follows them is left to read.
+pub(super) fn read_numbers(mut reader: Reader) -> Result<(LevelNumbers, Reader), FormatError> {
     let numbers = reader.words(LEVEL_WORDS)?;
     let number = |i: usize| f32::from_bits(numbers[i]);
     let shadow = LevelShadow { offset: number(0), shared: std::array::from_fn(|i| number(1 + i)) };
@@ -447,44 +466,29 @@ fn read_level(
     if !facets_in_range(&facets) {
         return reader.bad(rule::FACETS_RANGE);
     }
-    let stream = reader.bytes;
-    let mut decoder = Decoder::new(stream);
-    let (parents, places) = if coarser.is_empty() {
-        (ROOT_PARENT.to_vec(), vec![[0; 3]])
-    } else {
-        bounded(8 * coarser.len(), stream).or_else(|reason| reader.bad(reason))?;
-        let mut masks = vec![0; coarser.len()];
-        code_masks(&mut decoder, &mut masks);
-        if masks.contains(&0) {
-            return reader.bad(rule::NO_CHILD);
-        }
-        let count: usize = masks.iter().map(|mask| mask.count_ones() as usize).sum();
-        bounded(MIN_DECISIONS * count, stream).or_else(|reason| reader.bad(reason))?;
-        let places: Vec<[u32; 3]> =
-            coarser.iter().zip(&masks).flat_map(|((at, _), mask)| children_of(*at, *mask)).collect();
-        (coarser.iter().map(|(_, voxel)| *voxel).zip(masks).collect(), places)
-    };
-    let mut voxels = vec![CodedVoxel::default(); places.len()];
-    let mut fits = code_voxels(&mut decoder, children(&parents), &mut voxels);
-    let mut have = vec![false; voxels.len()];
-    code_others(&mut decoder, &mut have);
-    let shared: Vec<u32> = (0..voxels.len() as u32).filter(|number| have[*number as usize]).collect();
-    bounded(MIN_DECISIONS * (voxels.len() + shared.len()), stream).or_else(|reason| reader.bad(reason))?;
-    let mut others = vec![CodedVoxel::default(); shared.len()];
-    fits &= code_voxels(&mut decoder, shared.iter().map(|number| (voxels[*number as usize], 0)), &mut others);
-    decoder.ended().or_else(|reason| reader.bad(reason))?;
-    if !fits {
-        return reader.bad(rule::VOXEL_RANGE);
-    }
-    if voxels.iter().chain(&others).any(|voxel| voxel.material >= materials) {
-        return reader.bad(rule::NO_MATERIAL);
-    }
-    let voxels = places.into_iter().zip(voxels).collect();
-    Ok(CodedLevel { shadow, clumping, facets, voxels, others: shared.into_iter().zip(others).collect() })
+    Ok((LevelNumbers { shadow, clumping, facets }, reader))
 }
 
-/// Returns the places of a voxel's children, in order.
-fn children_of(at: [u32; 3], mask: u8) -> impl Iterator<Item = [u32; 3]> {
-    let numbers = (0..8u32).filter(move |child| mask >> child & 1 == 1);
-    numbers.map(move |child| std::array::from_fn(|axis| 2 * at[axis] + (child >> axis & 1)))
+/// Reads the voxels of a level that is stored whole, or of a brick.
+pub(super) fn read_whole(reader: Reader, coarser: &[PlacedVoxel], materials: u32) -> Result<CodedVoxels, FormatError> {
+    read_stream(reader.bytes, coarser, materials).or_else(|rule| reader.bad(rule))
+}
+
+/// Reads how many voxels each of so many bricks of a level has.
+pub(super) fn read_counts(mut reader: Reader, bricks: usize) -> Result<Vec<BrickCount>, FormatError> {
+    let words = reader.words(2 * bricks)?;
+    reader.end()?;
+    Ok(words.chunks_exact(2).map(|pair| BrickCount { voxels: pair[0], others: pair[1] }).collect())
+}
+
+/// Reads a brick, which must have as many voxels as its level says.
+pub(super) fn read_brick(
+    reader: &Reader,
+    count: BrickCount,
+    parents: &[PlacedVoxel],
+    materials: u32,
+) -> Result<CodedVoxels, FormatError> {
+    let coded = read_whole(reader.clone(), parents, materials)?;
+    let found = BrickCount { voxels: coded.voxels.len() as u32, others: coded.others.len() as u32 };
+    if found == count { Ok(coded) } else { reader.bad(rule::BRICK_COUNT) }
 }

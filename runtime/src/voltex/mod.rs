@@ -13,6 +13,8 @@
 //! Volume (levels of voxels) --Voltex::new--> Voltex (words for the GPU, WGSL beside) --Walk--> segments --shade--> light
 //! ```
 
+mod bricked_file;
+mod bricks;
 mod build;
 mod codes;
 mod coding;
@@ -20,6 +22,7 @@ mod error;
 pub(crate) mod facets;
 mod file;
 pub(crate) mod gloss;
+mod level_stream;
 mod matrix;
 pub(crate) mod node;
 pub mod rule;
@@ -32,6 +35,8 @@ mod walk;
 pub mod words;
 
 pub use crate::numeric::vector::{cross, dot};
+pub use bricked_file::{BrickError, BrickedFile, ReadRange};
+pub use bricks::{BRICK_LEVEL, BrickCount, MAX_WHOLE_LEVEL};
 pub use codes::VoxelCodes;
 pub use error::VoltexError;
 pub use facets::{FACETS, Facets, MAX_FACETS};

@@ -21,6 +21,9 @@ pub struct Node {
 }
 
 impl Node {
+    /// The node in the place of children that are not there: whoever looks for them meets their parent.
+    pub(super) const ABSENT: Node = Node { mask: [0; 2], first_voxel: NO_VOXEL, first_child: 0 };
+
     /// Returns whether a cell is not empty. Twin: `voltex_has`.
     pub(super) fn has(&self, cell: u32) -> bool {
         self.mask[(cell >> 5) as usize] >> (cell & 31) & 1 == 1

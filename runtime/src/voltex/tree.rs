@@ -1,11 +1,12 @@
 //! Lookup in the tree of voxels. Each node covers 4 x 4 x 4 cells of an even level and has their voxels and those of
-//! the 2 x 2 x 2 cells of the odd level above. Twin: `voltex/tree.wgsl`.
+//! the 2 x 2 x 2 cells of the odd level above. Where a brick is not loaded, its parents are met. Twin:
+//! `voltex/tree.wgsl`.
 
 use super::node::{NO_VOXEL, cell_number, node_depth};
 use super::words::Voltex;
 
 /// The cell around a point: at the level asked for or, where that is empty, at the coarsest level at which the cell is
-/// empty.
+/// empty; where that is not loaded, at the finest level that is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cell {
     /// Binary logarithm of the cell's side in finest voxels.
@@ -45,7 +46,11 @@ impl Voltex {
             }
             let rank = node.rank(number);
             parent = node.first_voxel + node.coarse_rank(8) + rank;
-            node = self.node(node.first_child + rank);
+            let child = self.node(node.first_child + rank);
+            if child.first_voxel == NO_VOXEL {
+                return Cell { size: 2 * j, voxel: parent, parent: node.first_voxel + node.coarse_rank(coarse) };
+            }
+            node = child;
             j -= 1;
         }
     }
@@ -72,7 +77,7 @@ impl Voltex {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Random, random_volume};
+    use crate::testing::{Random, random_volume, take_children};
     use crate::voltex::{Volume, Voxel};
     use std::collections::BTreeMap;
 
@@ -100,6 +105,37 @@ mod tests {
             }
         }
         Ok(all)
+    }
+
+    #[test]
+    fn where_children_are_not_loaded_their_parents_are_met() {
+        let mut random = Random::new(9);
+        let mut met = 0;
+        for level_count in 2..8 {
+            let whole = random_volume(&mut random, level_count, 0.4);
+            let mut part = whole.clone();
+            take_children(&mut random, &mut part, 0.3);
+            let [whole, part] = [whole, part].map(|volume| Voltex::new(&volume));
+            assert!(part.words().len() < whole.words().len());
+            let words = |voltex: &Voltex, cell: Cell| {
+                let of = |number: u32| (number != NO_VOXEL).then(|| voltex.voxel(number).words());
+                (cell.size, of(cell.voxel), of(cell.parent))
+            };
+            for _ in 0..4096 {
+                let q = [0; 3].map(|_| random.below(1 << level_count) as u32);
+                for level in 0..=level_count {
+                    let [own, found] = [whole.cell(q, level), part.cell(q, level)];
+                    if words(&part, found) == words(&whole, own) {
+                        continue;
+                    }
+                    // Coarser, and what the whole volume has there.
+                    met += 1;
+                    assert!(found.size > level && found.size % 2 == 0 && found.voxel != NO_VOXEL, "{found:?}");
+                    assert_eq!(words(&part, found), words(&whole, whole.cell(q, found.size)), "{q:?} at {level}");
+                }
+            }
+        }
+        assert!(met > 10_000, "{met}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 // Lookup in the tree of voxels. Twin: voltex/tree.rs, which has the layout.
 
 // The cell around a point: at the level asked for or, where that is empty, at the coarsest level at which the cell is
-// empty.
+// empty; where that is not loaded, at the finest level that is.
 struct VoltexCell {
     // Binary logarithm of the cell's side in finest voxels.
     size: u32,
@@ -14,10 +14,9 @@ struct VoltexCell {
 // Returns the cell at `level`, at most the coarsest, around the finest voxel `q`.
 fn voltex_cell(base: u32, q: vec3<u32>, level: u32) -> VoltexCell {
     let last = level / 2u;
-    var number = 0u;
     var parent = VOLTEX_NO_VOXEL;
+    var node = voltex_node(base, 0u);
     for (var j = voltex_node_depth(voltex_level_count(base)) - 1u; j > last; j--) {
-        let node = voltex_node(base, number);
         let cell = voltex_cell_number((q >> vec3<u32>(2u * j)) & vec3<u32>(3u));
         if !voltex_has(node, cell) {
             let size = 2u * j + select(1u, 0u, voltex_has_coarse(node, cell >> 3u));
@@ -25,9 +24,12 @@ fn voltex_cell(base: u32, q: vec3<u32>, level: u32) -> VoltexCell {
         }
         let rank = voltex_rank(node, cell);
         parent = node.first_voxel + voltex_coarse_rank(node, 8u) + rank;
-        number = node.first_child + rank;
+        let child = voltex_node(base, node.first_child + rank);
+        if child.first_voxel == VOLTEX_NO_VOXEL {
+            return VoltexCell(2u * j, parent, node.first_voxel + voltex_coarse_rank(node, cell >> 3u));
+        }
+        node = child;
     }
-    let node = voltex_node(base, number);
     let cell = voltex_cell_number((q >> vec3<u32>(2u * last)) & vec3<u32>(3u));
     var above = VOLTEX_NO_VOXEL;
     if voltex_has_coarse(node, cell >> 3u) {

@@ -1,15 +1,17 @@
 //! Examines a volumetric texture's file and reports each broken rule, everything that is legal but doubtful, and the
 //! properties of the volume.
 
+use super::bricks::{BRICK_LEVEL, MAX_WHOLE_LEVEL, brick_index};
 use super::file::{VOLTEX_VERSION, VoltexFormat, VoltexSection, examine_volume};
 use super::rule;
-use super::volume::{MicroflakeMaterial, Volume, VolumeLevel};
+use super::volume::{MicroflakeMaterial, Volume, VolumeLevel, order};
 use crate::container::directory::{Directory, SectionEntry, examine_directory_of};
 use crate::container::fault::Faults;
 use crate::container::finding::about_container;
 use crate::file::validate::Report;
 use crate::rule::FORM;
 use crate::threads::Threads;
+use std::collections::BTreeSet;
 
 /// Tolerance of the rule that a material sends away at most the light that falls on it: the rounding of half precision.
 const GAIN_TOLERANCE: f32 = 2e-3;
@@ -41,6 +43,17 @@ pub fn validate(bytes: &[u8], threads: Threads) -> Report {
     told.settled::<VoltexFormat>(&faults, &sections)
 }
 
+/// Returns the indices of the sections of all bricks.
+fn brick_sections(volume: &Volume) -> BTreeSet<u32> {
+    let count = volume.levels.len() as u32;
+    let Some(bricks) = (count as usize).checked_sub(1 + BRICK_LEVEL as usize).map(|level| &volume.levels[level].voxels)
+    else {
+        return BTreeSet::new();
+    };
+    let levels = MAX_WHOLE_LEVEL + 1..count;
+    levels.flat_map(|level| bricks.iter().map(move |(at, _)| brick_index(level, order(*at)))).collect()
+}
+
 fn about_volume(volume: &Volume, directory: &Directory<super::VoltexHead>, told: &mut Report) {
     let [x, y, z] = volume.extent;
     told.say(rule::SIZE, format!("{} m a side, of which {x} x {y} x {z} are used", volume.side_m));
@@ -50,10 +63,12 @@ fn about_volume(volume: &Volume, directory: &Directory<super::VoltexHead>, told:
     told.say(rule::MATERIALS, count.to_string());
     // In a tier, finer levels may refer to what nothing at hand does.
     if directory.is_whole() {
+        let bricks = brick_sections(volume);
         let is_unread = |entry: &&SectionEntry| match VoltexSection::from_number(entry.kind) {
             None => false,
             Some(VoltexSection::Description | VoltexSection::Materials) => entry.index > 0,
             Some(VoltexSection::Level) => entry.index >= directory.head.levels,
+            Some(VoltexSection::Brick) => !bricks.contains(&entry.index),
         };
         told.findings.extend(directory.sections.iter().filter(is_unread).map(SectionEntry::unused_in::<VoltexFormat>));
         let mut used = vec![false; count];

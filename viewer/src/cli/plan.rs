@@ -58,6 +58,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), ViewerError> {
         backend: render.backend(),
         adapter: render.adapter.clone(),
         shade: render.shade(),
+        volume_budget_mb: render.volume_budget,
         ..RenderParams::default()
     };
     let folder = &arguments.out;

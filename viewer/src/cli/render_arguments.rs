@@ -57,6 +57,10 @@ pub(super) struct RenderArguments {
     /// Hold each asset with packed bases, whose residual departs from the whole asset's by this PSNR, dB
     #[arg(long, value_name = "DB", value_parser = parse_positive, conflicts_with = "resident_bytes")]
     pub(super) resident_psnr: Option<f32>,
+    /// Megabytes that volumes take in memory at most: bricks of volumes of more than 128 voxels a side are loaded as fine
+    /// as the picture shows them, or coarser
+    #[arg(long, value_name = "MB", default_value_t = btf_viewer::USUAL_VOLUME_BUDGET_MB)]
+    pub(super) volume_budget: u32,
     /// Threads of the CPU decoder [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(super) threads: Option<u32>,

@@ -26,6 +26,7 @@ pub(super) fn run(arguments: &ServeArguments) -> Result<(), ViewerError> {
         backend: render.backend(),
         adapter: render.adapter.clone(),
         shade: render.shade(),
+        volume_budget_mb: render.volume_budget,
         ..RenderParams::default()
     };
     let mut server = PictureServer::new(usual, render.packing());

@@ -42,12 +42,16 @@ pub(super) fn show(
                 target_ms,
                 denoise: arguments.denoise,
                 motion: arguments.motion,
+                volume_budget_mb: render.volume_budget,
             };
             if arguments.bands {
                 return write_bands(arguments, &mut scene, &params, out);
             }
             write_pictures(arguments, &scene, params, out, counts)
         }
-        None => run_window(scene, WindowParams { size: arguments.size, backend, adapter, shade, target_ms, compare }),
+        None => {
+            let (size, volume_budget_mb) = (arguments.size, render.volume_budget);
+            run_window(scene, WindowParams { size, backend, adapter, shade, target_ms, volume_budget_mb, compare })
+        }
     }
 }

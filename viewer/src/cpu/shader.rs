@@ -25,7 +25,7 @@ pub(crate) const LEVEL_CHOICE: u32 = 0x967a_889b;
 /// Shells that a ray may pass. Twin: `SHELL_TRIES`.
 pub(crate) const SHELL_TRIES: usize = 8;
 /// Rays along a pixel's side, for more of which voxels do not grow narrower: it was not measured for more.
-const MAX_RAYS_ACROSS: f32 = 4.0;
+pub(crate) const MAX_RAYS_ACROSS: f32 = 4.0;
 /// Texels that a place between them is interpolated from. Twin: `TEXEL_TAPS`.
 pub(crate) const TEXEL_TAPS: u32 = 4;
 

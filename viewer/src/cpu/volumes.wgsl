@@ -154,14 +154,15 @@ fn volume_march(
         }
         if walk.t < walk.t_end {
             let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
-            let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
+            let met = volume_level_met(stretch.volume, level, segment.cell, stretch.direction);
+            let parts = volume_parts_of(stretch.volume, segment.cell, met.shares, stretch.direction);
             let way = segment.t1 - segment.t0;
             if !to_light {
                 let opacity = 1.0 - exp(-parts.sigma * way);
                 if opacity > VOLUME_MIN_OPACITY {
                     let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
                     let weight = through * opacity;
-                    point = VolumePoint(stretch.map, t, weight, stretch.volume, level, parts, stretch.direction);
+                    point = VolumePoint(stretch.map, t, weight, stretch.volume, met, parts, stretch.direction);
                     waits = true;
                     through *= 1.0 - opacity;
                     if through < VOLUME_END {

@@ -21,6 +21,8 @@ pub enum SceneChange {
     Environment,
     /// The factors of the instances and where the instances stand.
     Instances,
+    /// The bricks of volumes that are loaded. Takes a new upload.
+    Bricks,
     /// The places to which the wind has moved the skins and the instances that these stand in for. Cost: the words of
     /// the skins, the proxies and the instances are uploaded again, and with ray queries the whole acceleration
     /// structure is built anew.

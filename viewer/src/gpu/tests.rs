@@ -206,6 +206,7 @@ fn twins_hold_the_same_functions_in_the_same_order() {
         "volume_determinant",
         "volume_scale",
         "volume_level_of",
+        "volume_level_met",
         "volume_cell_light",
         "volume_normal_towards",
         // Rust has these in camera.rs and material.rs.

@@ -211,6 +211,7 @@ impl Tracer {
                 self.structure.write_instances(scene);
                 true
             }
+            SceneChange::Bricks => false,
             SceneChange::Skins => {
                 self.words.write_skins(scene);
                 self.structure.move_proxies(scene)?;

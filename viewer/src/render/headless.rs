@@ -16,6 +16,7 @@ use crate::motion::vectors::motion_of;
 use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
 use crate::picture::Picture;
 use crate::picture::PixelHit;
+use crate::render::bricks::{BrickReport, USUAL_VOLUME_BUDGET_MB, load_bricks, say_if_coarser};
 use crate::render::control::Control;
 use crate::render::engine::Engine;
 use crate::render::governor::{Governor, Spending};
@@ -47,6 +48,8 @@ pub struct RenderParams {
     pub denoise: bool,
     /// Whether the motion of what pixels show is told, too; of the pictures of a sequence, not of one alone.
     pub motion: bool,
+    /// Megabytes that volumes may take: they are drawn coarser where they would take more.
+    pub volume_budget_mb: u32,
 }
 
 impl Default for RenderParams {
@@ -61,6 +64,7 @@ impl Default for RenderParams {
             target_ms: None,
             denoise: false,
             motion: false,
+            volume_budget_mb: USUAL_VOLUME_BUDGET_MB,
         }
     }
 }
@@ -127,6 +131,8 @@ pub struct RenderReport {
     pub ambient_occlusion: bool,
     /// Whether a picture of light surrounds the scene.
     pub environment: bool,
+    /// What is loaded of the volumes that are stored by brick; `null` where there are none.
+    pub volume_bricks: Option<BrickReport>,
     /// Lights of which a sample asks at most.
     pub light_samples: u32,
     /// `direct` or `path`.
@@ -220,8 +226,16 @@ pub fn render_sequence(
     control: &Control,
     each: &mut dyn FnMut(u32, Rendered) -> Result<(), ViewerError>,
 ) -> Result<(), ViewerError> {
-    let mut session = Session::new(scene, params, control)?;
     let mut scene = scene.clone();
+    let mut cameras = vec![scene.camera];
+    for number in 1..sequence.pictures as usize * usize::from(sequence.turn_rad != 0.0) {
+        let mut camera = cameras[number - 1];
+        camera.orbit(sequence.turn_rad, 0.0);
+        cameras.push(camera);
+    }
+    let (bricks, _) = load_bricks(&mut scene, &cameras, params.size, params.frames, params.volume_budget_mb)?;
+    say_if_coarser(bricks.as_ref(), params.volume_budget_mb, control);
+    let mut session = Session::new(&scene, params, control)?;
     let began_s = scene.time_s;
     let mut before = if params.motion { Some(pose_before(&scene, sequence)?) } else { None };
     for number in 0..sequence.pictures {
@@ -235,6 +249,7 @@ pub fn render_sequence(
         let progress = |share: f32| (control.progress)((number as f32 + share) / sequence.pictures as f32);
         let control = Control { progress: &progress, ..*control };
         let mut rendered = session.render(&scene, params, &control)?;
+        rendered.report.volume_bricks = bricks;
         if let Some(before) = &mut before {
             let motion = motion_of(&scene, before, params.size, &params.shade, params.frames, control.cancelled)?;
             (rendered.motion, *before) = (Some(motion), Pose::of(&scene));
@@ -405,6 +420,7 @@ fn rendered(
         instances: scene.geometry.instances().len(),
         ambient_occlusion: scene.ambient.radiance.iter().any(|x| *x > 0.0),
         environment: scene.environment.is_some(),
+        volume_bricks: None,
         light_samples: params.shade.light_samples,
         mode: params.shade.mode.name(),
         depth: params.shade.depth,

@@ -1,5 +1,6 @@
 //! Pictures without a window, and how much of a scene they need.
 
+pub(crate) mod bricks;
 pub(crate) mod control;
 pub(crate) mod engine;
 pub(crate) mod governor;

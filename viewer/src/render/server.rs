@@ -3,6 +3,7 @@
 
 use crate::error::ViewerError;
 use crate::options::RenderMode;
+use crate::render::bricks::{load_bricks, say_if_coarser};
 use crate::render::control::Control;
 use crate::render::headless::{RenderParams, Rendered, Session};
 use crate::scene::file::{SceneView, load_scene};
@@ -84,7 +85,15 @@ impl PictureServer {
         if let Some(view) = &request.view {
             view.put_into(&mut scene, &request.scene)?;
         }
-        let drawn = loaded.session.render(&scene, &params, control);
+        let (frames, budget_mb) = (params.frames, params.volume_budget_mb);
+        let (bricks, other) = load_bricks(&mut loaded.scene, &[scene.camera], params.size, frames, budget_mb)?;
+        say_if_coarser(bricks.as_ref(), budget_mb, control);
+        if other {
+            loaded.session = Session::new(&loaded.scene, &params, control)?;
+        }
+        scene.volumes.clone_from(&loaded.scene.volumes);
+        let mut drawn = loaded.session.render(&scene, &params, control);
+        drawn.iter_mut().for_each(|drawn| drawn.report.volume_bricks = bricks);
         if drawn.is_err() {
             // A device that is lost draws nothing more: the next request opens it anew.
             self.loaded = None;

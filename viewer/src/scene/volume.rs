@@ -4,7 +4,7 @@
 use crate::error::ViewerError;
 use crate::scene::leaf_width::leaf_width;
 use crate::scene::mesh_file::FileMesh;
-use btf_models::DiffuseColour;
+use crate::volume::source::{VolumeSource, tinted};
 use btf_runtime::voltex::{Voltex, Volume};
 use glam::{Mat4, Vec3};
 use std::path::Path;
@@ -27,15 +27,19 @@ pub(crate) fn read_volume(path: &Path) -> Result<Volume, ViewerError> {
     Volume::parse(&bytes).map_err(|source| ViewerError::Volume { path: path.into(), source })
 }
 
-/// Returns a volume whose materials reflect and transmit `tint` times as much, and no brighter than all light, if they
-/// were not before.
-pub(crate) fn tinted(volume: &Volume, tint: [f32; 3]) -> Volume {
-    let mut tinted = volume.clone();
-    for material in &mut tinted.materials {
-        let own = DiffuseColour { reflectance: material.reflectance, transmittance: material.transmittance };
-        DiffuseColour { reflectance: material.reflectance, transmittance: material.transmittance } = own.tinted(tint);
+/// Opens a volumetric texture with its materials' colours times `tint`. One that is stored by brick is loaded as far as
+/// it is stored whole, and its source returned beside.
+///
+/// # Errors
+/// The errors of [`load_volume`].
+pub(crate) fn open_volume(
+    path: &Path,
+    tint: [f32; 3],
+) -> Result<(Arc<Voltex>, Option<Arc<VolumeSource>>), ViewerError> {
+    match VolumeSource::open(path, tint)? {
+        Some(source) => Ok((Arc::new(source.load_whole_levels()?), Some(Arc::new(source)))),
+        None => Ok((Arc::new(Voltex::new(&tinted(read_volume(path)?, tint))), None)),
     }
-    tinted
 }
 
 /// The tint that changes nothing.
@@ -88,8 +92,9 @@ pub(crate) fn volume_from_model(voltex: &Voltex, meshes: &[FileMesh]) -> Result<
 }
 
 /// Returns how wide the leaves of a model count where a volume takes its place, metres: as wide as they are, or as
-/// a voxel where that is wider, so that no voxel is larger than a pixel where it takes over alone.
-pub(crate) fn usual_leaf_width_m(voltex: &Voltex, meshes: &[FileMesh]) -> f32 {
-    let voxel_m = voltex.side_m() / (1u32 << voltex.level_count()) as f32;
+/// a voxel where that is wider, so that no voxel is larger than a pixel where it takes over alone. The volume's file
+/// has two to the power of `finest_level` voxels a side.
+pub(crate) fn usual_leaf_width_m(voltex: &Voltex, finest_level: u32, meshes: &[FileMesh]) -> f32 {
+    let voxel_m = voltex.side_m() / (1u32 << finest_level) as f32;
     leaf_width(meshes).max(voxel_m)
 }

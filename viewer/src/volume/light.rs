@@ -3,7 +3,7 @@
 
 use crate::geometry::lod_transition::LodTransition;
 use crate::volume::volumes::{SkinTet, Stretch, Volumes};
-use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
+use btf_runtime::voltex::{Cell, NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
 use glam::{Mat3, Vec3};
 
 /// Transmittance below which a ray ends.
@@ -82,6 +82,16 @@ impl Level {
     fn shares(&self, voltex: &Voltex, d: [f32; 3]) -> [f32; 2] {
         let along = |level: u32| voltex.clumping_along(level, d);
         [(1.0 - self.part) * along(self.finer), self.part * along(self.finer + 1)]
+    }
+
+    /// Returns the level at which a cell is met, with its shares along `d`: this one, whose `shares` are known, or a
+    /// coarser one where the volume's brick is not loaded so fine.
+    fn met(self, voltex: &Voltex, cell: &Cell, shares: [f32; 2], d: [f32; 3]) -> (Level, [f32; 2]) {
+        if cell.voxel == NO_VOXEL || cell.size <= self.finer {
+            return (self, shares);
+        }
+        let level = Level { finer: cell.size, part: 0.0 };
+        (level, level.shares(voltex, d))
     }
 }
 
@@ -179,6 +189,7 @@ impl Volumes {
             let shares = level.shares(voltex, d);
             let mut walk = walk_of(voltex, &stretch);
             while let Some(segment) = walk.next(voltex, level.finer) {
+                let (level, shares) = level.met(voltex, &segment.cell, shares, d);
                 let parts = parts_of(voltex, &segment, shares, d);
                 let length = segment.t1 - segment.t0;
                 let depth = parts.sigma * length;
@@ -215,6 +226,7 @@ impl Volumes {
             let shares = level.shares(voltex, d);
             let mut walk = walk_of(voltex, &stretch);
             while let Some(segment) = walk.next(voltex, level.finer) {
+                let (_, shares) = level.met(voltex, &segment.cell, shares, d);
                 sum += parts_of(voltex, &segment, shares, d).sigma * (segment.t1 - segment.t0);
                 if sum > MAX_DEPTH {
                     return f32::INFINITY;

@@ -73,6 +73,14 @@ fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> 
     return vec2<f32>(1.0 - part, part) * along;
 }
 
+// Returns the level at which a cell is met: `level`, or a coarser one where the volume's brick is not loaded so fine.
+fn volume_level_met(volume: u32, level: VolumeLevel, cell: VoltexCell, d: vec3<f32>) -> VolumeLevel {
+    if cell.voxel == VOLTEX_NO_VOXEL || cell.size <= level.finer {
+        return level;
+    }
+    return VolumeLevel(cell.size, 0.0, volume_shares(volume, cell.size, 0.0, d));
+}
+
 // Returns the light that the point reflects and transmits of what comes from `light` (a unit vector towards it) with
 // irradiance pi, without shadow. The specular lobe counts as if the roughness were at least `least_roughness`.
 fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) -> vec3<f32> {
@@ -176,7 +184,8 @@ fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32)
         var walk = volume_walk_of(stretch);
         while walk.t < walk.t_end {
             let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
-            let parts = volume_parts_of(stretch.volume, segment.cell, level.shares, stretch.direction);
+            let met = volume_level_met(stretch.volume, level, segment.cell, stretch.direction);
+            let parts = volume_parts_of(stretch.volume, segment.cell, met.shares, stretch.direction);
             sum += parts.sigma * (segment.t1 - segment.t0);
             if sum > VOLUME_MAX_DEPTH {
                 return VOLUME_BLACK;

@@ -8,6 +8,7 @@ use crate::volume::skin::{
     CellWalk, Merged, NO_VOLUME, Pattern, Shell, ShellLevel, ShellParams, Skin, SkinPlace, TextureRay, Variant,
     Walk as ShellWalk, Wind,
 };
+use crate::volume::source::{BrickLevels, LoadedBricks, VolumeSource};
 use btf_runtime::voltex::{Voltex, VoltexRay};
 use glam::{Mat3, Mat4, Vec3};
 use std::sync::Arc;
@@ -64,6 +65,8 @@ impl SceneSkin {
 #[derive(Debug, Clone)]
 pub struct Volumes {
     volumes: Vec<Arc<Voltex>>,
+    /// Where the bricks of each volume are, of those that are stored by brick, and the levels that are loaded.
+    sources: Vec<Option<(Arc<VolumeSource>, BrickLevels)>>,
     skins: Vec<SceneSkin>,
     /// The scene's first placement that the first skin has somewhere, and where it has that and those behind it.
     stand_ins: (usize, Vec<SkinPlace>),
@@ -203,7 +206,8 @@ impl Volumes {
             Proxy::Skin { skin, .. } => skins[skin].leaf_width,
         });
         let stand_ins = (0, Vec::new());
-        Ok(Volumes { volumes, skins, stand_ins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
+        let sources = vec![None; volumes.len()];
+        Ok(Volumes { volumes, sources, skins, stand_ins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
     }
 
     /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass
@@ -221,6 +225,27 @@ impl Volumes {
         let first = self.proxies.vertices().len() - shells().map(|shell| 3 * shell.boundary().len()).sum::<usize>();
         self.proxies.move_vertices(first, shells().flat_map(Shell::boundary_corners));
         Ok(())
+    }
+
+    /// Says where the bricks of the volumes are, none for those that are stored whole.
+    pub(crate) fn set_sources(&mut self, sources: Vec<Option<Arc<VolumeSource>>>) {
+        self.sources = sources.into_iter().map(|source| Some((source?, BrickLevels::default()))).collect();
+    }
+
+    /// Iterates over the volumes that are stored by brick: number, file, and the levels that are loaded.
+    pub(crate) fn sources(&self) -> impl Iterator<Item = (usize, &Arc<VolumeSource>, &BrickLevels)> {
+        self.sources.iter().enumerate().filter_map(|(number, source)| {
+            let (source, loaded) = source.as_ref()?;
+            Some((number, source, loaded))
+        })
+    }
+
+    /// Takes bricks over that are loaded.
+    pub(crate) fn take_bricks(&mut self, loaded: LoadedBricks) {
+        for (number, volume, levels) in loaded.0 {
+            self.volumes[number] = volume;
+            self.sources[number].iter_mut().for_each(|(_, own)| own.clone_from(&levels));
+        }
     }
 
     /// Says where the first skin has what the scene's placements from number `first` on place.

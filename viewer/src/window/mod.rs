@@ -1,6 +1,7 @@
 //! The window: the camera under the mouse, panels, progressive rendering, and edits that are saved before they are
 //! lost. Whose window it is (`Host`) is the system's (`desktop.rs`) or, on a page, the browser's (`page.rs`).
 
+mod bricks;
 mod canvas;
 mod controls;
 #[cfg(feature = "window")]

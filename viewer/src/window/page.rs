@@ -8,6 +8,7 @@ use crate::error::ViewerError;
 use crate::gpu::backend::{BackendChoice, GpuTracer};
 use crate::gpu::device::{Gpu, instance};
 use crate::options::ShadeOptions;
+use crate::render::bricks::USUAL_VOLUME_BUDGET_MB;
 use crate::scene::scene::Scene;
 use crate::window_params::WindowParams;
 use std::path::Path;
@@ -82,6 +83,7 @@ impl Page {
             adapter: None,
             shade: ShadeOptions::default(),
             target_ms: None,
+            volume_budget_mb: USUAL_VOLUME_BUDGET_MB,
             compare: None,
         };
         let opened = without_content(&scene);

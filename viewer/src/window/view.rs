@@ -1,5 +1,6 @@
 //! What exists once the window does, drawn frame by frame: what the user works on, its pictures, and the controls.
 
+use super::bricks::Bricks;
 use super::canvas::Canvas;
 use super::controls::{Controls, renderers_of};
 use super::editing::document::{Document, Unsaved};
@@ -49,6 +50,8 @@ pub(super) struct View {
     controls: Controls,
     /// Width and height of the area that shows the picture, pixels.
     area: [u32; 2],
+    /// Bricks of the scene's volumes.
+    bricks: Bricks,
     /// The picture that is being saved.
     saving: Option<Reading>,
     /// Files that the host wants opened.
@@ -95,6 +98,7 @@ impl View {
             controls: Controls::new(panel, renderers, settings),
             closing: false,
             area: [1; 2],
+            bricks: Bricks::new(params.volume_budget_mb),
             saving: None,
             handed_over: Vec::new(),
             canvas,
@@ -136,6 +140,8 @@ impl View {
             self.pictures.switch_renderer(&self.document);
         }
         let Frame { size, mut changed } = frame;
+        changed |= self.follow_bricks(size);
+        let panel = &self.controls.panel;
         if changed {
             self.pictures.restart();
         }
@@ -146,7 +152,7 @@ impl View {
         let platform = std::mem::take(&mut output.platform_output);
         let root = output.viewport_output.get(&egui::ViewportId::ROOT);
         let mut delay = root.map_or(Duration::MAX, |viewport| viewport.repaint_delay);
-        if self.pictures.preparation().is_some() {
+        if self.pictures.preparation().is_some() || self.bricks.waits(&self.document.scene) {
             delay = delay.min(POLL);
         }
         let View { canvas, blit, pictures, document, .. } = self;
@@ -158,6 +164,20 @@ impl View {
         self.area = size;
         let has_unsaved = self.document.has_unsaved();
         Ok(Drawn { platform, has_unsaved, repaint_in, goes_on })
+    }
+
+    /// Takes bricks over that have been loaded for the camera. Returns whether the picture must begin anew.
+    fn follow_bricks(&mut self, size: [u32; 2]) -> bool {
+        let View { bricks, document, pictures, controls, .. } = self;
+        match bricks.follow(&mut document.scene, size) {
+            Ok(true) => pictures.update(&document.scene, &SceneChange::Bricks),
+            Ok(false) => return false,
+            Err(error) => {
+                controls.message = Some(error.to_string());
+                return false;
+            }
+        }
+        true
     }
 
     /// Draws the panels and does what the user asks for.
@@ -191,7 +211,8 @@ impl View {
 
     /// Draws the panels, from the window's right edge on.
     fn show_panels(&mut self, ui: &mut egui::Ui) -> Asked {
-        let View { canvas, document, pictures, controls, .. } = self;
+        let View { canvas, document, pictures, controls, bricks, .. } = self;
+        let volumes = bricks.told();
         let panel = &mut controls.panel;
         controls.thumbnails.update(&canvas.context, &document.scene);
         let timer = pictures.timer_name(panel.renderer);
@@ -206,6 +227,7 @@ impl View {
             picture: side.size().unwrap_or([0, 0]),
             max_components: panel.max_components,
             message: controls.message.as_deref(),
+            volumes: volumes.as_deref(),
             at_hand: document.at_hand(),
         };
         let (settings, thumbnails) = (&mut controls.settings, &controls.thumbnails);
@@ -392,6 +414,7 @@ impl View {
             return;
         }
         let asset = asset.unwrap_or(self.document.editor.asset);
+        self.bricks.restart();
         self.controls.message = Some(match self.document.open(path, asset) {
             Ok(()) => {
                 self.controls.switch_scene(&self.document.scene);
@@ -489,6 +512,7 @@ impl View {
     /// Shows another scene; unsaved edits are lost.
     pub fn show(&mut self, scene: Scene) {
         self.document = Document::new(scene, self.document.editor.radius);
+        self.bricks.restart();
         self.controls.switch_scene(&self.document.scene);
         self.pictures.switch_scene(&self.document);
         self.pictures.restart();

@@ -1,7 +1,7 @@
 //! Volumetric textures among meshes, on their own and as a skin: every tracer draws the same.
 
 use crate::support::{count_differences, gpu, ray_query_is_left_out};
-use btf_runtime::testing::{Random, random_volume};
+use btf_runtime::testing::{Random, random_volume, take_children};
 use btf_runtime::voltex::Voltex;
 use btf_viewer::{
     Ambient, Camera, CellMap, CpuPicture, DiscreteJitter, Environment, FrameRequest, GpuTracer, Jitter, Landscape,
@@ -55,10 +55,14 @@ fn skin(seed: u32) -> SceneSkin {
     skin
 }
 
-/// Volumes, `places` of the first two of them, and a skin.
+/// Volumes, some of whose bricks are not loaded, `places` of the first two of them, and a skin.
 fn volumes(places: &[VolumePlace], skin: SceneSkin) -> Arc<Volumes> {
     let mut random = Random::new(7);
-    let all = [4, 3, 3, 2].map(|levels| Arc::new(Voltex::new(&random_volume(&mut random, levels, 0.4))));
+    let all = [4, 3, 3, 2].map(|levels| {
+        let mut volume = random_volume(&mut random, levels, 0.4);
+        take_children(&mut Random::new(8), &mut volume, 0.3);
+        Arc::new(Voltex::new(&volume))
+    });
     Arc::new(Volumes::new(all.to_vec(), places, vec![skin]).unwrap())
 }
 

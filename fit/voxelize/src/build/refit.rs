@@ -26,6 +26,9 @@ impl Default for RefitParams {
     }
 }
 
+/// Rays of a view at most, as long as there is one for each pixel: of fine levels, whose voxels are narrower than
+/// leaves, a few rays tell what a pixel hides.
+const MAX_VIEW_RAYS: usize = 1 << 20;
 /// Share of a step that is taken in the first pass; in the last pass a tenth of it.
 const RELAXATION: f32 = 0.5;
 /// Share of a step's weight that is added for uncertainty.
@@ -186,14 +189,15 @@ impl Met {
 /// Refits `level` of `voltex`, its voxels and its clumping, to what the `occluder` in the same unit cube hides.
 ///
 /// Deterministic. Cost: `views * (passes + CLUMPING_STEPS * (passes + 1))` times (1.7 voxels a side)^2 times `rays^2`
-/// rays through the volume.
+/// rays through the volume, of fine levels with fewer `rays`, down to one.
 pub fn refit(voltex: &mut Voltex, level: u32, occluder: &Occluder, params: &RefitParams) {
     let numbers = voltex.numbers_at(level);
     let mut place = vec![u32::MAX; voltex.voxel_count()];
     numbers.iter().enumerate().for_each(|(i, number)| place[*number as usize] = i as u32);
     let pixel = voltex.voxel_side(level);
     let count = (2.0 * HALF_SIDE / pixel).ceil() as usize;
-    let own = Level { voltex: &*voltex, level, place, numbers, rays: rays_of_pixel(params.rays, count), pixel, count };
+    let rays = rays_of_pixel(params.rays, count).min((MAX_VIEW_RAYS / (count * count)).isqrt()).max(1);
+    let own = Level { voltex: &*voltex, level, place, numbers, rays, pixel, count };
     let views: Vec<Projection> = spread_directions(params.views, 0.3).into_iter().map(Projection::new).collect();
     let truths: Vec<Vec<f32>> = views.iter().map(|view| own.truth(view, occluder)).collect();
     let mut logs = vec![0f32; own.numbers.len()];

@@ -70,6 +70,18 @@ pub(crate) fn met_light(
     if occluder.occluded(lifted, light, 4.0) { 0.0 } else { value }
 }
 
+/// Pixels along the side of a picture of which `asked` are looked at. Rays through levels with more pixels meet more
+/// voxels, of which each sends rays to the light that meet more, too.
+const MAX_ASKED: usize = 64;
+/// Pixels along the side of a picture that are looked at at least, as far as they were asked for.
+const MIN_PIXELS: usize = 12;
+
+/// Returns how many pixels along the side of a picture of `count` are looked at, where `asked` should be: fewer of
+/// large pictures, so that all levels cost about as much.
+fn pixels_of(asked: usize, count: usize) -> usize {
+    (asked * MAX_ASKED / count.max(MAX_ASKED)).max(MIN_PIXELS.min(asked))
+}
+
 /// Contribution of a part of a pixel's ray: its light without shadow, and the optical depth towards the light for each
 /// offset.
 type Part = (f32, [f32; OFFSETS.len()]);
@@ -85,7 +97,7 @@ pub fn fit_shadow(
     let side = voltex.voxel_side(level);
     let pixel = side * PIXEL_VOXELS;
     let count = (2.0 * HALF_SIDE / pixel).ceil() as usize;
-    let stride = count.div_ceil(params.pixels);
+    let stride = count.div_ceil(pixels_of(params.pixels, count));
     let [model_rays, volume_rays] = [MODEL_RAYS, VOLUME_RAYS].map(|rays| rays_of_pixel(rays, count));
     let share = 1.0 / (volume_rays * volume_rays) as f32;
     let views = spread_directions(params.views, 1.1);

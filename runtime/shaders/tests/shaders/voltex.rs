@@ -3,7 +3,7 @@
 
 use crate::support::gpu::{Program, open};
 use crate::support::tools::{self, Tool};
-use btf_runtime::testing::{RAY_KINDS, Random, random_volume, sample_ray, sphere_direction};
+use btf_runtime::testing::{RAY_KINDS, Random, random_volume, sample_ray, sphere_direction, take_children};
 use btf_runtime::voltex::{Cell, NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
 use btf_runtime::{voltex_wgsl, wgsl_library};
 use btf_shaders::{DEPTHS_NAME, Depth, Language, Ray, depths_text, translate};
@@ -83,14 +83,15 @@ fn text(entry: &str) -> String {
     [&wgsl_library(), &voltex_wgsl(), ENTRY, entry].map(|part| part as &str).join("\n")
 }
 
-/// Returns volumes with 1 to 64 voxels a side, sparse and dense, one behind the other, each with the number of its
+/// Returns volumes with 1 to 64 voxels a side, sparse and dense, whole and in part, one behind the other, each with the number of its
 /// first word.
 fn volumes(random: &mut Random) -> (Vec<u32>, Vec<(u32, Voltex)>) {
     let (mut words, mut volumes) = (vec![7; 3], Vec::new());
     for level_count in 0..=6 {
-        for share in [0.0, 0.2, 0.7] {
-            let voltex = Voltex::new(&random_volume(random, level_count, share));
-            volumes.push((words.len() as u32, voltex));
+        for (share, taken) in [(0.0, 0.0), (0.2, 0.0), (0.7, 0.0), (0.7, 0.3)] {
+            let mut volume = random_volume(random, level_count, share);
+            take_children(random, &mut volume, taken);
+            volumes.push((words.len() as u32, Voltex::new(&volume)));
             words.extend(volumes.last().map(|(_, voltex)| voltex.words()).unwrap());
         }
     }

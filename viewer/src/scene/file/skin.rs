@@ -101,7 +101,7 @@ impl SkinEntry {
     ) -> Result<SceneSkin, ViewerError> {
         let pattern = self.pattern(files)?;
         let used = pattern.alternatives.as_flattened().iter().filter(|volume| **volume != NO_VOLUME);
-        let finest = used.map(|volume| files.volumes[*volume as usize].level_count()).max().unwrap_or(0);
+        let finest = used.map(|volume| files.finest_level(*volume as usize)).max().unwrap_or(0);
         let fault = |reason: String| files.fault(format!("a [[skin]] cannot be made: {reason}"));
         pattern.check().map_err(fault)?;
         let skin = self.mapped(meshes, world_from_skin).map_err(fault)?;

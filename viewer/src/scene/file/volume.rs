@@ -3,7 +3,8 @@
 use super::defaults::one;
 use crate::error::ViewerError;
 use crate::scene::mesh_file::{FileMesh, load_meshes};
-use crate::scene::volume::{AS_IT_IS, read_volume, standing, tinted, usual_leaf_width_m, volume_from_model};
+use crate::scene::volume::{AS_IT_IS, open_volume, standing, usual_leaf_width_m, volume_from_model};
+use crate::volume::source::VolumeSource;
 use crate::volume::volumes::VolumePlace;
 use btf_runtime::voltex::Voltex;
 use serde::Deserialize;
@@ -15,14 +16,16 @@ use std::sync::Arc;
 pub(crate) struct VolumeFiles {
     scene: PathBuf,
     names: Vec<(String, [f32; 3])>,
-    /// The volumes in the order in which they were first named.
+    /// The volumes in the order in which they were first named; of those that are stored by brick the coarse levels.
     pub volumes: Vec<Arc<Voltex>>,
+    /// Where the bricks of each volume are, if it is stored by brick.
+    pub sources: Vec<Option<Arc<VolumeSource>>>,
 }
 
 impl VolumeFiles {
     /// Begins without volumes; `scene` is the scene's file.
     pub(crate) fn new(scene: &Path) -> VolumeFiles {
-        VolumeFiles { scene: scene.into(), names: Vec::new(), volumes: Vec::new() }
+        VolumeFiles { scene: scene.into(), names: Vec::new(), volumes: Vec::new(), sources: Vec::new() }
     }
 
     /// Returns the number of the volume with this name, relative to the scene's file, with its materials' colours times
@@ -34,10 +37,17 @@ impl VolumeFiles {
         if let Some(known) = self.names.iter().position(|known| *known == (name.into(), tint)) {
             return Ok(known);
         }
-        let volume = read_volume(&self.folder().join(name))?;
-        self.volumes.push(Arc::new(Voltex::new(&tinted(&volume, tint))));
+        let (volume, source) = open_volume(&self.folder().join(name), tint)?;
+        self.volumes.push(volume);
+        self.sources.push(source);
         self.names.push((name.into(), tint));
         Ok(self.volumes.len() - 1)
+    }
+
+    /// Returns the finest level of a volume's file, counted from the coarsest.
+    pub(crate) fn finest_level(&self, volume: usize) -> u32 {
+        let of_file = self.sources[volume].as_ref().map(|source| source.file().finest_level());
+        of_file.unwrap_or(self.volumes[volume].level_count())
     }
 
     /// Returns the folder that the scene's file is in.
@@ -148,7 +158,9 @@ pub(crate) fn models_of<'a>(
         let voltex = &files.volumes[places[first].volume];
         let volume_from_model = volume_from_model(voltex, &meshes)
             .map_err(|reason| files.fault(format!("volume '{}' and its mesh '{file}' differ: {reason}", entry.file)))?;
-        let leaf_width_m = entry.leaf_size.unwrap_or_else(|| usual_leaf_width_m(voltex, &meshes));
+        let leaf_width_m = entry
+            .leaf_size
+            .unwrap_or_else(|| usual_leaf_width_m(voltex, files.finest_level(places[first].volume), &meshes));
         let mut stands = Vec::new();
         for (other, place) in entries.iter().zip(&mut *places).filter(|(other, _)| other.has_mesh_of(entry)) {
             place.leaf_width = leaf_width_m * other.scale.abs();

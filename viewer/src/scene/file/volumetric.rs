@@ -24,7 +24,8 @@ pub(super) fn put_volumes_into(
 ) -> Result<(), ViewerError> {
     let skins = skins_of(skins, &mut files, source)?;
     if !(places.is_empty() && skins.is_empty()) {
-        let volumes = Volumes::new(files.volumes, places, skins).map_err(|reason| source.fault(reason))?;
+        let mut volumes = Volumes::new(files.volumes, places, skins).map_err(|reason| source.fault(reason))?;
+        volumes.set_sources(files.sources);
         scene.volumes = Some(Arc::new(volumes));
     }
     Ok(())

@@ -32,21 +32,22 @@ mod models;
 mod planted;
 mod stand_ins;
 mod terrain;
+mod volumes;
 
 use crate::error::ViewerError;
 use crate::light::daylight::Daylight;
 use crate::scene::material::Material;
 use crate::scene::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
-use crate::scene::volume::{AS_IT_IS, tinted};
+use crate::scene::volume::AS_IT_IS;
 use crate::volume::skin::{ShellLevel, ShellParams, Wind};
 use crate::volume::volumes::{SceneSkin, Volumes};
-use btf_runtime::voltex::{Voltex, Volume};
 pub use counts::LandscapeCounts;
 use glam::{Mat4, Vec3};
 use models::{Land, Models, place_models};
 use planted::{Plant, Planted, Soil};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use volumes::{LandscapeVolumes, Wanted};
 
 /// How far the texture may lie from where it belongs, voxels: invisible in foliage.
 const TOLERANCE_VOXELS: f32 = 3.0;
@@ -116,9 +117,9 @@ impl Landscape {
         if !(1..=100).contains(&params.times) {
             return Err(ViewerError::Usage(format!("--times is 1 to 100, not {}", params.times)));
         }
-        let (volumes, volume_file_bytes) = self.volumes(params)?;
+        let LandscapeVolumes { volumes, sources, file_bytes, finest_levels } = self.volumes().load(&params.volumes)?;
         let side_m = volumes[0].side_m();
-        let resolution = 1u32 << volumes.iter().map(|volume| volume.level_count()).max().unwrap_or(0);
+        let resolution = 1u32 << finest_levels.iter().max().unwrap_or(&0);
         let made = |reason: String| ViewerError::scene(self.name(), reason);
         let planted = match self {
             Landscape::Lawn => lawn::planted(params.times, side_m),
@@ -134,14 +135,14 @@ impl Landscape {
             tets: shell.tets().len() as u64,
             volumes: volumes.len() as u64,
             resolution,
-            volume_file_bytes,
+            volume_file_bytes: file_bytes,
             volume_bytes: volumes.iter().map(|volume| 4 * volume.words().len() as u64).sum(),
             ..counts
         };
         let Soil { reflectance, noise, unit_m } = soil;
         let material = Material { uv_scale: [1.0 / unit_m; 2], noise: Some(noise), ..Material::plain(reflectance) };
         let ground = SceneObject { part: terrain.ground(reflectance), material };
-        let land = Land { volumes: &volumes, shell, patterns: &patterns };
+        let land = Land { volumes: &volumes, finest_levels: &finest_levels, shell, patterns: &patterns };
         let Models { meshes: models, shown, leaf_width, stand_ins } =
             place_models(self.name(), &params.meshes, self.plants(), &land)?;
         let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];
@@ -153,6 +154,7 @@ impl Landscape {
         }
         let skin = SceneSkin { rest: skin, levels, patterns, leaf_width };
         let mut volumes = Volumes::new(volumes, &[], vec![skin]).map_err(made)?;
+        volumes.set_sources(sources);
         // Behind the ground.
         volumes.set_stand_ins(1, stand_ins);
         scene.volumes = Some(Arc::new(volumes));
@@ -172,6 +174,16 @@ impl Landscape {
         Ok((scene, counts))
     }
 
+    /// Returns what the landscape asks for in the way of volumes.
+    fn volumes(self) -> Wanted<'static> {
+        let tints: &[[f32; 3]] = match self {
+            Landscape::Lawn => &[AS_IT_IS],
+            Landscape::Grove => &grove::TINTS,
+            Landscape::Forest => &forest::TINTS,
+        };
+        Wanted { name: self.name(), built_in: self.built_in(), tints, cyclic: self != Landscape::Grove }
+    }
+
     /// Returns the plants that there are models of, in the order of the models.
     fn plants(self) -> &'static [Plant] {
         const TEXEL: Plant = Plant { volume: 0, scale: 1.0, foot_m: Vec3::ZERO, tints: &[AS_IT_IS] };
@@ -180,48 +192,6 @@ impl Landscape {
             Landscape::Grove => &[Plant { tints: &grove::TINTS, ..TEXEL }],
             Landscape::Forest => &forest::PLANTS,
         }
-    }
-
-    /// Loads the volumes; also returns the bytes of their files.
-    fn volumes(self, params: &LandscapeParams) -> Result<(Vec<Arc<Voltex>>, u64), ViewerError> {
-        let files = params.volumes.as_slice();
-        let wanted = self.built_in().len();
-        if !files.is_empty() && files.len() != wanted {
-            return Err(ViewerError::Usage(format!(
-                "the {} has {wanted} volumes and {} are given; write --volume FILE.voltex as often, or not at all",
-                self.name(),
-                files.len()
-            )));
-        }
-        let packed: Vec<(PathBuf, std::borrow::Cow<'static, [u8]>)> = if files.is_empty() {
-            self.built_in().iter().map(|bytes| (self.name().into(), (*bytes).into())).collect()
-        } else {
-            let read = |path: &PathBuf| match btf_capture::files::read(path) {
-                Ok(bytes) => Ok((path.clone(), bytes.into())),
-                Err(source) => Err(ViewerError::Read { path: path.clone(), source }),
-            };
-            files.iter().map(read).collect::<Result<_, _>>()?
-        };
-        let mut volumes = Vec::new();
-        for (path, bytes) in &packed {
-            let volume = Volume::parse(bytes).map_err(|source| ViewerError::Volume { path: path.clone(), source })?;
-            let [x, y, _] = volume.extent;
-            if self != Landscape::Grove && (volume.cyclic != [true; 2] || x < 1.0 || y < 1.0) {
-                return Err(ViewerError::Usage(format!(
-                    "{}: the {}'s volumes go on into each other; build one of a script whose space is cyclic along x and y \
-                     and as long along both as it is high at least",
-                    path.display(),
-                    self.name()
-                )));
-            }
-            let tints: &[[f32; 3]] = match self {
-                Landscape::Lawn => &[AS_IT_IS],
-                Landscape::Grove => &grove::TINTS,
-                Landscape::Forest => &forest::TINTS,
-            };
-            volumes.extend(tints.iter().map(|tint| Arc::new(Voltex::new(&tinted(&volume, *tint)))));
-        }
-        Ok((volumes, packed.iter().map(|(_, bytes)| bytes.len() as u64).sum()))
     }
 }
 

@@ -18,6 +18,8 @@ use std::sync::Arc;
 /// The land that models are placed on.
 pub(super) struct Land<'a> {
     pub volumes: &'a [Arc<Voltex>],
+    /// Finest level of each volume's file, counted from the coarsest.
+    pub finest_levels: &'a [u32],
     pub shell: &'a Shell,
     pub patterns: &'a [Pattern],
 }
@@ -54,12 +56,13 @@ pub(super) fn place_models(
         )));
     }
     let mut models = Models::default();
-    let Land { volumes, shell, patterns } = *land;
+    let Land { volumes, finest_levels, shell, patterns } = *land;
     for (file, Plant { volume, scale, foot_m, tints }) in files.iter().zip(plants) {
         let voltex = &volumes[*volume as usize];
         let own = load_meshes(file)?;
         let bodies = models.shown.append(own_bodies(file)?);
-        models.leaf_width = models.leaf_width.max(usual_leaf_width_m(voltex, &own) * scale);
+        models.leaf_width =
+            models.leaf_width.max(usual_leaf_width_m(voltex, finest_levels[*volume as usize], &own) * scale);
         let volume_from_model = standing(voltex, Vec3::ZERO, 0.0, 1.0).inverse()
             * Mat4::from_scale_rotation_translation(Vec3::splat(*scale), Quat::IDENTITY, *foot_m);
         let places = plant_places(shell, patterns, volume_from_model.transform_point3(Vec3::ZERO));

@@ -22,6 +22,8 @@ pub(crate) struct Status<'a> {
     pub picture: [u32; 2],
     /// Residual components of the asset that has most.
     pub max_components: u32,
+    /// What is loaded of volumes that are stored by brick.
+    pub volumes: Option<&'a str>,
     /// Message of the latest saving or opening.
     pub message: Option<&'a str>,
     /// What split views show something else in place of.
@@ -57,6 +59,9 @@ impl Status<'_> {
                 "budget {:.1} ms: {components} of {of} components, {lobes} lobes, {lights} lights at most",
                 governor.budget_ms()
             ));
+        }
+        if let Some(volumes) = self.volumes {
+            ui.small(volumes);
         }
         if let Some(problem) = &progress.problem {
             ui.colored_label(egui::Color32::LIGHT_RED, problem);

@@ -143,7 +143,7 @@ impl Split {
             SceneChange::Leaf { leaf, .. } => other.leaves[*leaf].clone_from(&scene.leaves[*leaf]),
             SceneChange::Environment => other.environment.clone_from(&scene.environment),
             SceneChange::Instances => other.geometry.clone_from(&scene.geometry),
-            SceneChange::Skins => other.volumes.clone_from(&scene.volumes),
+            SceneChange::Skins | SceneChange::Bricks => other.volumes.clone_from(&scene.volumes),
         }
         self.side.update(other, change);
     }
