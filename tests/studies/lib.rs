@@ -18,6 +18,7 @@ pub mod lobe_worth;
 pub mod many_captures;
 pub mod rays;
 pub mod volume_costs;
+pub mod voxel_bounds;
 
 pub use fixtures::{
     absent, capture_from, capture_of, cloth_capture, fitted, gpu, leaf_capture, measured_data, resident, skip,

@@ -2,7 +2,7 @@
 
 use btf_tests::{
     bands, bent_skins, canopies, denoise, dolly, fit_floor, landscape_costs, leaf, lobe_worth, many_captures, rays,
-    volume_costs,
+    volume_costs, voxel_bounds,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -10,7 +10,7 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 19] = [
+const STUDIES: [(&str, &str, Study); 20] = [
     ("abm_trade", "", leaf::abm_trade::run),
     ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
@@ -30,6 +30,7 @@ const STUDIES: [(&str, &str, Study); 19] = [
     ("many_captures", "BTF_FIT [COUNT [WORKERS [KILLS]]]", many_captures::run),
     ("rays", "CANOPY.glb [EMBREE.so]", rays::run),
     ("volume_costs", "[WIDTH]", volume_costs::run),
+    ("voxel_bounds", "MODEL FILE.voltex...", voxel_bounds::run),
 ];
 
 fn main() -> ExitCode {

@@ -5,7 +5,8 @@ use crate::inspect::load::{parallel, read_file};
 use crate::inspect::sections::{SectionSize, section_sizes};
 use btf_capture::text_from_bytes;
 use btf_runtime::voltex::{
-    MicroflakeMaterial, VOLTEX_VERSION, Voltex, VoltexSection, Volume, VolumeLevel, read_voltex_directory,
+    MicroflakeMaterial, VOLTEX_VERSION, Voltex, VoltexSection, Volume, VolumeLevel, level_of_brick,
+    read_voltex_directory,
 };
 use serde::Serialize;
 use std::fmt::{self, Display};
@@ -55,7 +56,7 @@ pub struct LevelDescription {
     pub voxels: usize,
     /// Voxels with microflakes of two sorts.
     pub of_two_sorts: usize,
-    /// Bytes of the level's section.
+    /// Bytes of the level's sections.
     pub bytes: u64,
     /// Distance from the microflakes at which rays to the light begin, in voxels.
     pub shadow_offset: f32,
@@ -118,8 +119,12 @@ pub fn describe_voltex(bytes: &[u8]) -> Result<VoltexDescription, FitError> {
     let directory = read_voltex_directory(bytes)?;
     let kind_name = |kind| VoltexSection::from_number(kind).map(|kind| format!("{kind:?}"));
     let level_bytes = |index: usize| {
-        let own = [VoltexSection::Level as u32, index as u32];
-        directory.sections.iter().find(|entry| [entry.kind, entry.index] == own).map_or(0, |entry| entry.length.into())
+        let is_own = |entry: &&btf_runtime::SectionEntry| match VoltexSection::from_number(entry.kind) {
+            Some(VoltexSection::Level) => entry.index as usize == index,
+            Some(VoltexSection::Brick) => level_of_brick(entry.index) as usize == index,
+            _ => false,
+        };
+        directory.sections.iter().filter(is_own).map(|entry| u64::from(entry.length)).sum()
     };
     let describe_level = |(number, level): (usize, &VolumeLevel)| {
         let index = volume.levels.len() - 1 - number;

@@ -25,6 +25,11 @@ pub(super) fn brick_index(level: u32, brick: u64) -> u32 {
     level << (3 * BRICK_LEVEL) | brick as u32
 }
 
+/// Returns the level whose voxels a Brick section of this index has.
+pub fn level_of_brick(index: u32) -> u32 {
+    index >> (3 * BRICK_LEVEL)
+}
+
 /// Returns the Morton numbers of the bricks, ascending; `voxels` are those of [`BRICK_LEVEL`].
 pub(super) fn bricks_of(voxels: &[PlacedVoxel]) -> Vec<u64> {
     voxels.iter().map(|(at, _)| order(*at)).collect()

@@ -36,7 +36,7 @@ pub mod words;
 
 pub use crate::numeric::vector::{cross, dot};
 pub use bricked_file::{BrickError, BrickedFile, ReadRange};
-pub use bricks::{BRICK_LEVEL, BrickCount, MAX_WHOLE_LEVEL};
+pub use bricks::{BRICK_LEVEL, BrickCount, MAX_WHOLE_LEVEL, level_of_brick};
 pub use codes::VoxelCodes;
 pub use error::VoltexError;
 pub use facets::{FACETS, Facets, MAX_FACETS};

@@ -178,7 +178,7 @@ mod tests {
         let eye = Vec3::new(0.9, 1.9, 1.6);
         let near = BrickView { eye, ..view_of(&scene.camera, [24, 24], 1) };
         let [everywhere, aside] =
-            [100.0, 0.2].map(|zoom| BrickView { right: zoom * near.right, up: zoom * near.up, ..near });
+            [100.0, 1.0].map(|zoom| BrickView { right: zoom * near.right, up: zoom * near.up, ..near });
         let behind = BrickView { forward: -near.forward, ..aside };
         let [everywhere, aside, behind] = [everywhere, aside, behind].map(|view| plan(1 << 40, view).bytes);
         assert!(behind < aside && aside < everywhere, "{behind} {aside} {everywhere}");

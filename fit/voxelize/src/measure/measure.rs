@@ -118,6 +118,18 @@ impl VoltexTruth {
         VoltexRow { rule: rule.into(), pixels: pixels.collect() }
     }
 
+    /// Measures how well the model itself stands for the model with so many rays along each side of a pixel: what
+    /// nothing that is looked at by as many unfiltered rays falls below.
+    pub fn measure_rays(&self, rule: &str, rays: usize) -> VoltexRow {
+        let occluder = Occluder::new(&self.cube.triangles);
+        let pixels = PIXELS.iter().zip(&self.pictures);
+        let found = |pixels: u32| pictures_by_rays(&self.cube, &occluder, pixels, rays);
+        VoltexRow {
+            rule: rule.into(),
+            pixels: pixels.map(|(pixels, truth)| figures(*pixels, &found(*pixels), truth)).collect(),
+        }
+    }
+
     /// Measures how well a share of the model's triangles, enlarged in place of the others, stands for the model: as
     /// many as fit into `bytes`.
     pub fn measure_simplified(&self, rule: &str, bytes: usize) -> VoltexRow {
@@ -230,20 +242,24 @@ fn pictures_of_volume(march: &March, pixels: u32, rays: usize) -> Pictures {
 /// Renders the pictures of a model in the unit cube for each of [`PIXELS`].
 fn pictures_of_model(cube: &TriangleModel) -> Vec<Pictures> {
     let occluder = Occluder::new(&cube.triangles);
-    let finest = pictures(PIXELS[0], MODEL_RAYS, |origin, direction, lights, seen| {
-        let Some(met): Option<Met> = occluder.trace(origin, direction, 4.0) else { return 1.0 };
-        for (light, seen) in lights.iter().zip(seen) {
-            *seen += met_light(&occluder, cube, &met, origin, direction, *light);
-        }
-        0.0
-    });
-    let mut all = vec![finest];
+    let mut all = vec![pictures_by_rays(cube, &occluder, PIXELS[0], MODEL_RAYS)];
     for pixels in &PIXELS[1..] {
         let finer = &all[all.len() - 1];
         let halved = |pictures: &[Vec<f32>]| pictures.iter().map(|picture| halved(picture, count(*pixels))).collect();
         all.push(Pictures { through: halved(&finer.through), light: halved(&finer.light) });
     }
     all
+}
+
+/// Renders the pictures of a model with so many rays along each side of a pixel.
+fn pictures_by_rays(cube: &TriangleModel, occluder: &Occluder, pixels: u32, rays: usize) -> Pictures {
+    pictures(pixels, rays, |origin, direction, lights, seen| {
+        let Some(met): Option<Met> = occluder.trace(origin, direction, 4.0) else { return 1.0 };
+        for (light, seen) in lights.iter().zip(seen) {
+            *seen += met_light(occluder, cube, &met, origin, direction, *light);
+        }
+        0.0
+    })
 }
 
 /// Returns a picture of `count` pixels a side, each the mean of four.
