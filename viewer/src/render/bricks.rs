@@ -174,6 +174,10 @@ mod tests {
             let part = plan(budget, view);
             assert!(part.bytes <= budget && part.coarser > 0.0 && part.coarser < 6.0, "{share}: {part:?}");
         }
+        // An eye within the volume, whose voxels are of no width there, is no exception.
+        let within = BrickView { eye: Vec3::new(0.1, 1.0, 0.1), ..view };
+        let part = plan(all.bytes / 10, within);
+        assert!(part.bytes <= all.bytes / 10 && part.coarser > 0.0, "{part:?}");
         // Close to a corner that corner alone is as fine as if all were seen, and what is behind the camera is coarse.
         let eye = Vec3::new(0.9, 1.9, 1.6);
         let near = BrickView { eye, ..view_of(&scene.camera, [24, 24], 1) };

@@ -4,10 +4,10 @@
 use super::need::{BrickView, widths_needed};
 use crate::volume::source::{BrickJob, BrickLevels, VolumeSource};
 use crate::volume::volumes::Volumes;
-use btf_runtime::voltex::{BRICK_LEVEL, BrickedFile};
+use btf_runtime::voltex::{BRICK_LEVEL, BrickedFile, MAX_LEVELS};
 
 /// Octaves by which voxels may be coarser than they are needed.
-const MAX_COARSER: f32 = 16.0;
+const MAX_COARSER: f32 = MAX_LEVELS as f32;
 /// Halvings of the interval in which the least number of octaves is looked for.
 const HALVINGS: u32 = 12;
 
@@ -30,8 +30,8 @@ impl<'a> VolumeNeed<'a> {
     fn levels(&self, octaves: f32) -> BrickLevels {
         let finest = self.file.finest_level();
         let level = |width: &f32| {
-            let level = (-width.max(1e-9).log2() - octaves).ceil();
-            (level.max(0.0) as u32).clamp(BRICK_LEVEL, finest)
+            let level = (-width.log2()).min(finest as f32) - octaves;
+            (level.ceil().max(0.0) as u32).clamp(BRICK_LEVEL, finest)
         };
         let levels: Vec<u32> = self.widths.iter().map(level).collect();
         BrickLevels { finest: levels.iter().copied().max().unwrap_or(BRICK_LEVEL), levels }
