@@ -21,12 +21,8 @@ const GOAL_DB: f64 = 30.0;
 /// Rays of a path.
 const DEPTH: u32 = 4;
 
-/// A picture of so many samples: its quality and the seconds that it took.
-struct Measured {
-    samples: u32,
-    db: f64,
-    s: f64,
-}
+/// A picture's number of samples, its quality in dB and the seconds that it took.
+pub(crate) type Measured = (u32, f64, f64);
 
 fn drawn(scene: &Scene, size: [u32; 2], frames: u32, denoise: bool) -> Result<(Picture, f64), Box<dyn Error>> {
     let shade = ShadeOptions { mode: RenderMode::Path, depth: DEPTH, ..ShadeOptions::default() };
@@ -37,12 +33,13 @@ fn drawn(scene: &Scene, size: [u32; 2], frames: u32, denoise: bool) -> Result<(P
 }
 
 /// Returns the seconds after which a row of pictures has the quality asked for: between two of them as the logarithm of time.
-fn time_to(goal_db: f64, row: &[Measured]) -> Option<f64> {
-    let at = row.iter().position(|measured| measured.db >= goal_db)?;
-    let Some(before) = at.checked_sub(1) else { return Some(row[0].s) };
-    let (a, b) = (&row[before], &row[at]);
-    let share = (goal_db - a.db) / (b.db - a.db).max(1e-9);
-    Some((a.s.ln() + share * (b.s / a.s).ln()).exp())
+pub(crate) fn time_to(goal_db: f64, row: &[Measured]) -> Option<f64> {
+    let at = row.iter().position(|(_, db, _)| *db >= goal_db)?;
+    let (_, db, s) = row[at];
+    let Some(before) = at.checked_sub(1) else { return Some(s) };
+    let (_, db_before, s_before) = row[before];
+    let share = (goal_db - db_before) / (db - db_before).max(1e-9);
+    Some((s_before.ln() + share * (s / s_before).ln()).exp())
 }
 
 /// Runs the study.
@@ -75,14 +72,11 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
         for samples in SAMPLES {
             for (row, denoise) in rows.iter_mut().zip([false, true]) {
                 let (picture, s) = drawn(scene, size, samples, denoise)?;
-                row.push(Measured { samples, db: picture.psnr_db(&truth, scene.exposure_ev), s });
+                row.push((samples, picture.psnr_db(&truth, scene.exposure_ev), s));
             }
         }
-        for (plain, filtered) in rows[0].iter().zip(&rows[1]) {
-            println!(
-                "| {name} | {} | {:.2} | {:.1} | {:.2} | {:.1} |",
-                plain.samples, plain.s, plain.db, filtered.s, filtered.db
-            );
+        for ((samples, db, s), (_, filtered_db, filtered_s)) in rows[0].iter().zip(&rows[1]) {
+            println!("| {name} | {samples} | {s:.2} | {db:.1} | {filtered_s:.2} | {filtered_db:.1} |");
         }
         times.push((name, rows.map(|row| time_to(GOAL_DB, &row))));
     }
@@ -101,8 +95,7 @@ mod tests {
 
     #[test]
     fn the_time_to_a_quality_lies_between_two_pictures() {
-        let row: Vec<Measured> =
-            [(2, 20.0, 1.0), (8, 32.0, 4.0)].map(|(samples, db, s)| Measured { samples, db, s }).into();
+        let row = [(2, 20.0, 1.0), (8, 32.0, 4.0)];
         let at = |db| time_to(db, &row);
         assert!((at(26.0).unwrap_or(0.0) - 2.0).abs() < 1e-9);
         assert_eq!((at(10.0), at(40.0)), (Some(1.0), None));

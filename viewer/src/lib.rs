@@ -91,7 +91,9 @@ pub use light::environment::{Environment, MAX_COLUMNS};
 pub use light::solar_spectrum::{WHITE_ILLUMINANCE_LUX, luminance};
 pub use light::sun::{SUN_DIAMETER_DEG, Sun, SunPosition};
 pub use motion::motion_picture::{BACKGROUND_DEPTH, MotionPicture, MotionPixel};
-pub use options::{DecoderForm, Filter, MAX_DEPTH, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight};
+pub use options::{
+    DecoderForm, Filter, MAX_DEPTH, MAX_IRRADIANCE_CELLS, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions, SkyLight,
+};
 pub use picture::{Picture, PixelHit};
 pub use render::bricks::{BrickReport, USUAL_VOLUME_BUDGET_MB};
 pub use render::control::Control;

@@ -22,6 +22,10 @@ pub struct ShadeOptions {
     pub filter: Filter,
     /// The way in which a sky lights surfaces, where no path goes on to it.
     pub sky: SkyLight,
+    /// Cells along the scene's longest side of a grid that holds the light after one bounce, which [`RenderMode::Direct`] then has
+    /// besides, at most [`MAX_IRRADIANCE_CELLS`]; 0 for none. The grid is filled during the first 32 samples of a scene that stays as
+    /// it is.
+    pub irradiance_cells: u32,
 }
 
 /// The texels by which a place of an asset is shaded. (A live leaf's textures are always interpolated.)
@@ -98,6 +102,8 @@ pub enum DecoderForm {
 
 /// Largest [`ShadeOptions::light_samples`].
 pub const MAX_LIGHT_SAMPLES: u32 = 4096;
+/// Largest [`ShadeOptions::irradiance_cells`].
+pub const MAX_IRRADIANCE_CELLS: u32 = 64;
 /// Largest [`ShadeOptions::depth`].
 pub const MAX_DEPTH: u32 = 256;
 
@@ -105,6 +111,11 @@ impl ShadeOptions {
     /// Returns whether assets' coarser levels are used.
     pub fn uses_levels(&self) -> bool {
         self.levels && self.mode == RenderMode::Direct
+    }
+
+    /// Returns whether light after one bounce is taken from a grid.
+    pub fn uses_irradiance_volume(&self) -> bool {
+        self.irradiance_cells > 0 && self.mode == RenderMode::Direct
     }
 }
 
@@ -118,6 +129,7 @@ impl Default for ShadeOptions {
             levels: true,
             filter: Filter::default(),
             sky: SkyLight::default(),
+            irradiance_cells: 0,
         }
     }
 }

@@ -51,6 +51,10 @@ pub(super) struct RenderArguments {
     /// How a sky lights surfaces: by rays to its parts, or by the irradiance of the normal times how much is open
     #[arg(long, value_enum, default_value_t = SkyLight::Rays)]
     pub(super) sky: SkyLight,
+    /// Adds light after one bounce from a grid with so many cells along the scene's longest side, in place of --mode path
+    #[arg(long, value_name = "CELLS",
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(btf_viewer::MAX_IRRADIANCE_CELLS)))]
+    pub(super) irradiance_volume: Option<u32>,
     /// Hold each asset with packed bases in at most this size of memory, such as 15MB
     #[arg(long, value_name = "SIZE", value_parser = bytes_from_text)]
     pub(super) resident_bytes: Option<u64>,
@@ -88,6 +92,7 @@ impl RenderArguments {
             levels: !self.no_levels,
             filter: self.filter,
             sky: self.sky,
+            irradiance_cells: self.irradiance_volume.unwrap_or(0),
         }
     }
 

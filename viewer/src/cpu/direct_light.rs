@@ -6,6 +6,7 @@ use crate::cpu::shader::{FAR, MIN_LIGHT_DISTANCE2, Shader};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
 use crate::geometry::surface::Surface;
 use crate::light::environment::Environment;
+use crate::light::irradiance_volume::irradiance_of;
 use crate::light::light_grid::{BELOW_ONE, DrawnLight, LIGHT_CANDIDATES};
 use crate::light::light_tree::TreeLight;
 use crate::options::{RenderMode, SkyLight};
@@ -206,8 +207,20 @@ impl Shader<'_> {
         self.scene.environment.as_ref().filter(|_| !by_normal).and_then(|sky| self.sample_environment_light(lit, sky))
     }
 
+    /// Samples the light that comes to a surface after one bounce, as if it were the same from everywhere on this side: nothing is in
+    /// the way of it. `None` where that is not cached.
+    fn sample_bounced_light(&self, lit: &LitPoint) -> Option<LightSample> {
+        let light = self.irradiance_volume?.at(lit.s.position);
+        let mut wi = sampler::cosine(lit.numbers.ambient_at);
+        let irradiance = irradiance_of(&light, if lit.light_back { -lit.s.normal } else { lit.s.normal });
+        // The density of wi is its cosine over pi.
+        let incident = irradiance / wi.z.max(1e-6);
+        wi.z = if lit.light_back { -wi.z } else { wi.z };
+        Some(LightSample { wi, incident, direction: lit.s.world_from_local(wi), distance: 0.0 })
+    }
+
     /// Returns the light that a point sends to the eye of what reaches it from one side: of point lights and the sun
-    /// with their shadows, then of what surrounds the scene along one ray.
+    /// with their shadows, then of what surrounds the scene along one ray, then what is cached of one bounce.
     pub(crate) fn direct_light(&self, lit: &LitPoint, done: &mut PixelHit) -> Vec3 {
         let (origin, viewed) = (lit.origin(), lit.viewed);
         // Values without a residual hold no shadows.
@@ -216,9 +229,10 @@ impl Shader<'_> {
         let mut radiance = Vec3::ZERO;
         let asked = self.scene.lights.len().min(self.options.light_samples as usize);
         let lamps = (0..asked).filter_map(|i| self.sample_point_light(lit, i, asked));
-        for light in lamps.chain(self.sample_sun_light(lit)).chain(self.sample_surroundings(lit)) {
+        let around = self.sample_surroundings(lit).into_iter().chain(self.sample_bounced_light(lit));
+        for light in lamps.chain(self.sample_sun_light(lit)).chain(around) {
             let LightSample { wi, incident, direction, distance } = light;
-            done.rays += 1;
+            done.rays += u32::from(distance > 0.0);
             if distance > 0.0 && self.trace(origin, direction, distance, AnyHit::Yes).primitive != NO_HIT {
                 continue;
             }

@@ -188,9 +188,21 @@ fn sample_environment_light(lit: LitPoint) -> LightSample {
     return LightSample(wi, incident, direction, select(frame.occlusion_distance, TRACE_FAR, path), true);
 }
 
+// Samples the light that comes to a surface after one bounce, as if it were the same from everywhere on this side: nothing is in the
+// way of it.
+fn sample_bounced_light(lit: LitPoint) -> LightSample {
+    let light = irradiance_volume_at(lit.s.position);
+    var wi = sampler_cosine(lit.numbers.ambient_at);
+    let irradiance = irradiance_of(light, select(lit.s.normal, -lit.s.normal, lit.light_back));
+    // The density of wi is its cosine over pi.
+    let incident = irradiance / max(wi.z, 1e-6);
+    wi.z = select(wi.z, -wi.z, lit.light_back);
+    return LightSample(wi, incident, world_from_local(lit.s, wi), 0.0, true);
+}
+
 // Returns the light that a point sends to the eye of what reaches it from one side: of point lights and the sun with
-// their shadows, then of what surrounds the scene along one ray. Shader compilers inline every call, so all of them
-// share one shadow ray and one evaluation.
+// their shadows, then of what surrounds the scene along one ray, then what is cached of one bounce. Shader compilers inline every
+// call, so all of them share one shadow ray and one evaluation.
 fn direct_light(lit: LitPoint) -> SideLight {
     var done = SideLight(vec3<f32>(0.0), 0u, 0u);
     var rows: LightRows;
@@ -201,12 +213,15 @@ fn direct_light(lit: LitPoint) -> SideLight {
     let asked = min(frame.light_samples, frame.light_count);
     let sunny = select(0u, 1u, most(frame.sun_irradiance) > 0.0);
     let around = select(0u, 1u, lit_evenly || (with_environment && frame.environment.x > 0u && !by_normal));
-    for (var i = 0u; i < asked + sunny + around; i++) {
+    let traced = asked + sunny + around;
+    for (var i = 0u; i < traced + select(0u, 1u, has_irradiance_volume()); i++) {
         var light: LightSample;
         if i < asked {
             light = sample_point_light(lit, i, asked);
         } else if i < asked + sunny {
             light = sample_sun_light(lit);
+        } else if with_irradiance_volume && i >= traced {
+            light = sample_bounced_light(lit);
         } else if lit_evenly {
             light = sample_uniform_light(lit, uniform_radiance);
         } else if with_environment {
@@ -215,7 +230,7 @@ fn direct_light(lit: LitPoint) -> SideLight {
         if !light.is_lit {
             continue;
         }
-        done.rays += 1u;
+        done.rays += select(0u, 1u, light.distance > 0.0);
         let passed = past_volumes(origin, light.direction, light.distance, lit.width);
         if passed <= 0.0 {
             continue;

@@ -6,11 +6,12 @@ use crate::cpu::path::{Numbers, Path, PathVertex, roulette};
 use crate::cpu::scatter::mirror_direction;
 use crate::cpu::shader::{Shader, TexelTap};
 use crate::cpu::volumes::AfterVolumes;
-use crate::geometry::bvh::NO_HIT;
+use crate::geometry::bvh::{Hit, NO_HIT};
 use crate::geometry::surface::Surface;
 use crate::options::RenderMode;
 use crate::picture::PixelHit;
-use crate::scene::material::Material;
+use crate::scene::material::{Body, Material};
+use crate::shading::relief::Relief;
 use btf_runtime::ViewedLeaf;
 use glam::Vec3;
 
@@ -71,31 +72,8 @@ impl Shader<'_> {
             }
             let (mut s, relief) = self.surface_of(&hit, sunk, path.direction);
             let material = &self.scene.materials[s.material];
-            let numbers = LightNumbers {
-                ambient_at: self.two_numbers(vertex, Numbers::Ambient),
-                sun_at: self.two_numbers(vertex, Numbers::Sun),
-                seed: self.light_seed(vertex, Numbers::Light),
-            };
-            let level = self.level_of(&s, material, path.travelled, numbers.seed);
-            let leaf = self.viewed_leaf(&s, material, &hit, level);
-            let drawn = self.texel_numbers(&s, path.travelled, vertex);
-            let taps = self.texel_taps(material, vertex);
-            for tap in 0..taps {
-                let tap = match taps {
-                    1 => TexelTap { at: drawn, weight: 1.0 },
-                    _ => self.texel_tap(&s, level, tap),
-                };
-                s.texel_at = tap.at;
-                for light_back in [false, true] {
-                    if let Some(viewed) = &self.viewed_body(&s, material, leaf.as_ref(), level, light_back) {
-                        let relief = relief.as_ref().map(|(relief, point)| (relief, *point));
-                        let width = path.travelled * self.voxel_width();
-                        let lit = LitPoint { s: &s, relief, material, viewed, light_back, width, numbers: &numbers };
-                        radiance += tap.weight * path.throughput * self.direct_light(&lit, &mut done);
-                    }
-                }
-            }
-            s.texel_at = drawn;
+            let leaf = self.leaf_at(&s, &hit, &path, vertex);
+            radiance += path.throughput * self.surface_light(&mut s, &relief, &leaf, &path, vertex, &mut done);
             let goes_on = match self.options.mode {
                 RenderMode::Path => self.scatter_path(&mut path, &s, material, leaf.as_ref(), vertex),
                 RenderMode::Direct => mirror_path(&mut path, &s, material),
@@ -105,6 +83,59 @@ impl Shader<'_> {
             }
         }
         (radiance.to_array(), done)
+    }
+
+    /// Returns the level of what a vertex of a path shows.
+    fn level_at(&self, s: &Surface, path: &Path, vertex: PathVertex) -> u32 {
+        let seed = self.light_seed(vertex, Numbers::Light);
+        self.level_of(s, &self.scene.materials[s.material], path.travelled, seed)
+    }
+
+    /// Returns the view-dependent half of the leaf that a vertex of a path is on, if it is on one.
+    pub(crate) fn leaf_at(&self, s: &Surface, hit: &Hit, path: &Path, vertex: PathVertex) -> Option<ViewedLeaf<'_>> {
+        let material = &self.scene.materials[s.material];
+        let Body::Leaf(_) = material.body else { return None };
+        self.viewed_leaf(s, material, hit, self.level_at(s, path, vertex))
+    }
+
+    /// Returns the light that a vertex of a path sends back along its latest ray; the surface then shows the texel that
+    /// the path goes on from.
+    pub(crate) fn surface_light(
+        &self,
+        s: &mut Surface,
+        relief: &Option<(Relief<'_>, Vec3)>,
+        leaf: &Option<ViewedLeaf<'_>>,
+        path: &Path,
+        vertex: PathVertex,
+        done: &mut PixelHit,
+    ) -> Vec3 {
+        let material = &self.scene.materials[s.material];
+        let numbers = LightNumbers {
+            ambient_at: self.two_numbers(vertex, Numbers::Ambient),
+            sun_at: self.two_numbers(vertex, Numbers::Sun),
+            seed: self.light_seed(vertex, Numbers::Light),
+        };
+        let level = self.level_at(s, path, vertex);
+        let drawn = self.texel_numbers(s, path.travelled, vertex);
+        let taps = self.texel_taps(material, vertex);
+        let mut radiance = Vec3::ZERO;
+        for tap in 0..taps {
+            let tap = match taps {
+                1 => TexelTap { at: drawn, weight: 1.0 },
+                _ => self.texel_tap(s, level, tap),
+            };
+            s.texel_at = tap.at;
+            for light_back in [false, true] {
+                if let Some(viewed) = &self.viewed_body(s, material, leaf.as_ref(), level, light_back) {
+                    let relief = relief.as_ref().map(|(relief, point)| (relief, *point));
+                    let width = path.travelled * self.voxel_width();
+                    let lit = LitPoint { s, relief, material, viewed, light_back, width, numbers: &numbers };
+                    radiance += tap.weight * self.direct_light(&lit, done);
+                }
+            }
+        }
+        s.texel_at = drawn;
+        radiance
     }
 
     /// Draws the next ray of a traced path from a surface; `false` where the path ends.

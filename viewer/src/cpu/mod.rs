@@ -2,6 +2,7 @@
 //! the `.rs` beside it.
 
 pub(crate) mod air;
+pub(crate) mod bounced_light;
 pub(crate) mod direct_light;
 pub(crate) mod integrator;
 pub(crate) mod path;

@@ -1,5 +1,6 @@
 //! A picture that the CPU draws, sample by sample.
 
+use crate::cpu::bounced_light::BouncedLight;
 use crate::cpu::shader::Shader;
 use crate::geometry::bvh::NO_HIT;
 use crate::geometry::lod_transition::LodTransition;
@@ -26,6 +27,8 @@ pub struct CpuPicture {
     pub hits: Vec<PixelHit>,
     /// What drew the lights of the last sample, where there are more than it had candidates for.
     light_grid: Option<Arc<LightGrid>>,
+    /// The light after one bounce that the last sample had, where options ask for it.
+    bounced_light: Option<BouncedLight>,
 }
 
 impl CpuPicture {
@@ -40,6 +43,7 @@ impl CpuPicture {
             samples: 0,
             hits: vec![nothing; pixels],
             light_grid: None,
+            bounced_light: None,
         }
     }
 
@@ -51,14 +55,13 @@ impl CpuPicture {
             asset.resident();
         });
         let light_grid = scene.light_grid(options.light_samples, &mut self.light_grid);
+        let bounced = BouncedLight::of_sample(&mut self.bounced_light, scene, options, self.samples);
         let shader = Shader {
-            scene,
-            camera: scene.camera.frame(self.width, self.height),
             jitter: jitter(self.samples),
             sample: self.samples,
-            options: *options,
             light_grid: light_grid.as_deref(),
-            lod_transition: LodTransition::MESHES,
+            irradiance_volume: bounced.as_deref(),
+            ..Shader::with_camera(scene, scene.camera.frame(self.width, self.height), *options)
         };
         let width = self.width as usize;
         let rows = self.sums.par_chunks_mut(width).zip(self.hits.par_chunks_mut(width)).enumerate();

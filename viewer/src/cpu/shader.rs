@@ -4,6 +4,7 @@ use crate::cpu::path::{Numbers, PathVertex, seed_of};
 use crate::geometry::bvh::{AnyHit, Hit, NO_HIT};
 use crate::geometry::lod_transition::LodTransition;
 use crate::geometry::surface::Surface;
+use crate::light::irradiance_volume::IrradianceVolume;
 use crate::light::light_grid::LightGrid;
 use crate::options::{Filter, RenderMode, ShadeOptions};
 use crate::sampler;
@@ -55,6 +56,8 @@ pub(crate) struct Shader<'a> {
     pub(crate) options: ShadeOptions,
     /// What draws the lights, where there are more than a sample has candidates for.
     pub(crate) light_grid: Option<&'a LightGrid>,
+    /// The light after one bounce, where that is not traced.
+    pub(crate) irradiance_volume: Option<&'a IrradianceVolume>,
     /// The level-of-detail transition of the sample's path.
     pub(crate) lod_transition: LodTransition,
 }
@@ -64,7 +67,21 @@ impl Shader<'_> {
     pub(crate) fn of_middles<'a>(scene: &'a Scene, [width, height]: [u32; 2], options: ShadeOptions) -> Shader<'a> {
         let camera = scene.camera.frame(width, height);
         let lod_transition = LodTransition::new(camera.eye, camera.pixel_width(), 1.0);
-        Shader { scene, camera, jitter: [0.0; 2], sample: 0, options, light_grid: None, lod_transition }
+        Shader { lod_transition, ..Shader::with_camera(scene, camera, options) }
+    }
+
+    /// Returns the first sample, without what draws its lights and what they have lit, with every mesh one.
+    pub(crate) fn with_camera(scene: &Scene, camera: CameraFrame, options: ShadeOptions) -> Shader<'_> {
+        Shader {
+            scene,
+            camera,
+            jitter: [0.0; 2],
+            sample: 0,
+            options,
+            light_grid: None,
+            irradiance_volume: None,
+            lod_transition: LodTransition::MESHES,
+        }
     }
 
     /// Returns a sample of a pixel that finds what its eye's ray meets first, without its lights.
@@ -76,7 +93,7 @@ impl Shader<'_> {
         sample: u32,
     ) -> Shader<'a> {
         let lod_transition = LodTransition::of_path(camera.eye, camera.pixel_width(), pixel, sample);
-        Shader { scene, camera, jitter: jitter(sample), sample, options, light_grid: None, lod_transition }
+        Shader { jitter: jitter(sample), sample, lod_transition, ..Shader::with_camera(scene, camera, options) }
     }
 
     /// Returns two numbers in [0, 1) for a purpose at a vertex.

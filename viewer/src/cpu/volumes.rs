@@ -4,13 +4,14 @@
 use crate::cpu::path::{Numbers, Path, PathVertex, roulette};
 use crate::cpu::shader::{FAR, MIN_LIGHT_DISTANCE2, Shader};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
+use crate::light::irradiance_volume::radiance_from;
 use crate::options::RenderMode;
 use crate::picture::PixelHit;
 use crate::sampler;
 use crate::volume::light::{AROUND_ROUGHNESS, VolumePoint, asks_anew};
 use crate::volume::volumes::Volumes;
-use glam::Vec3;
-use std::f32::consts::PI;
+use glam::{Vec3, Vec4};
+use std::f32::consts::{PI, TAU};
 
 /// Density of directions that are drawn over the whole sphere, per steradian.
 const SPHERE_DENSITY: f32 = 0.25 / PI;
@@ -19,6 +20,8 @@ const SPHERE_DENSITY: f32 = 0.25 / PI;
 pub(crate) const SKY_CANDIDATES: u32 = 4;
 /// Steps from one of them to the next, in turns: a lattice over the table of the sky.
 const SKY_STEPS: [f32; 2] = [1.0 / SKY_CANDIDATES as f32, 0.618_034];
+/// Sets apart the number by which the axes of light after one bounce are turned. Twin: `BOUNCE_TURN`.
+pub(crate) const BOUNCE_TURN: u32 = 0x7feb_352d;
 /// The constants that the shader has too, by name.
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] =
@@ -81,6 +84,25 @@ struct MetPoint<'a> {
     position: Vec3,
     /// Width of voxels for shadow rays.
     width: f32,
+}
+
+/// Returns three directions at right angles, turned at random by numbers in [0, 1).
+fn turned_axes([x, y]: [f32; 2], turn: f32) -> [Vec3; 3] {
+    let first = sampler::sphere([x, y]);
+    let (sin, cos) = (TAU * y).sin_cos();
+    let level = Vec3::new(-sin, cos, 0.0);
+    let upright = first.cross(level);
+    let (sin, cos) = (TAU * turn).sin_cos();
+    [first, cos * level + sin * upright, cos * upright - sin * level]
+}
+
+/// Returns the light that a place reflects and transmits of what comes after one bounce: from six directions, to and fro along three
+/// axes, each for a sixth of the sphere.
+fn reflected_bounce(volumes: &Volumes, point: &VolumePoint, light: &[Vec4; 3], axes: [Vec3; 3]) -> Vec3 {
+    let of = |towards: Vec3| radiance_from(light, towards) * point.reflected(volumes, towards, AROUND_ROUGHNESS);
+    let sum: Vec3 = axes.into_iter().map(|axis| of(axis) + of(-axis)).sum();
+    // 4 pi of the sphere, over pi.
+    sum * (4.0 / 6.0)
 }
 
 impl Shader<'_> {
@@ -160,6 +182,11 @@ impl Shader<'_> {
             let passed =
                 self.air_passed(path, point.t) * self.light_passed(&self.met_point(volumes, path, point), &light);
             radiance += total * passed * reflected;
+        }
+        if let (Some(point), Some(cached)) = (&chosen, self.irradiance_volume) {
+            let light = cached.at(path.origin + path.direction * point.t);
+            let axes = turned_axes(sky_at, sampler::one(seed ^ BOUNCE_TURN));
+            radiance += total * self.air_passed(path, point.t) * reflected_bounce(volumes, point, &light, axes);
         }
         if hazed != Vec3::ZERO {
             radiance += hazed * self.air_radiance(path.direction);

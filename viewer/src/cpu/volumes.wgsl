@@ -9,6 +9,8 @@ const SPHERE_DENSITY: f32 = 0.07957747;
 const SKY_CANDIDATES: u32 = 4u;
 const SKY_STEP_X: f32 = 0.25;
 const SKY_STEP_Y: f32 = 0.618034;
+// Sets apart the number by which the axes of light after one bounce are turned.
+const BOUNCE_TURN: u32 = 0x7feb352du;
 
 // Whether rays may meet volumes. Where a scene has none, no_volumes.wgsl stands in for this file.
 const WITH_VOLUMES: bool = true;
@@ -30,6 +32,33 @@ struct VolumeSource {
     distance: f32,
     // Irradiance over pi; 0 for none.
     incident: vec3<f32>,
+}
+
+// Returns three directions at right angles, turned at random by numbers in [0, 1).
+fn turned_axes(at: vec2<f32>, turn: f32) -> array<vec3<f32>, 3> {
+    let first = sampler_sphere(at);
+    let own = 2.0 * TRACE_PI * at.y;
+    let level = vec3<f32>(-sin(own), cos(own), 0.0);
+    let upright = cross(first, level);
+    let angle = 2.0 * TRACE_PI * turn;
+    return array<vec3<f32>, 3>(
+        first,
+        cos(angle) * level + sin(angle) * upright,
+        cos(angle) * upright - sin(angle) * level,
+    );
+}
+
+// Returns the light that a place reflects and transmits of what comes after one bounce: from six directions, to and fro along three
+// axes, each for a sixth of the sphere.
+fn reflected_bounce(point: VolumePoint, light: CachedLight, given: array<vec3<f32>, 3>) -> vec3<f32> {
+    var axes = given;
+    var sum = vec3<f32>(0.0);
+    for (var i = 0u; i < 6u; i++) {
+        let towards = select(axes[i / 2u], -axes[i / 2u], (i & 1u) == 1u);
+        sum += radiance_from(light, towards) * volume_reflected(point, towards, VOLUME_AROUND_ROUGHNESS);
+    }
+    // 4 pi of the sphere, over pi.
+    return sum * (4.0 / 6.0);
 }
 
 // Returns the share of light that passes the scene's meshes and volumes on the way from a surface.
@@ -99,6 +128,11 @@ fn trace_volumes(path: Path, t_max: f32, pixel: vec2<u32>, depth: u32) -> Volume
         }
     }
     met.point = near.chosen;
+    if has_irradiance_volume() && near.total > 0.0 {
+        let light = irradiance_volume_at(path.origin + path.direction * near.chosen.t);
+        let axes = turned_axes(sky_at, sampler_one(near.seed ^ BOUNCE_TURN));
+        met.radiance += near.total * air_passed(path, near.chosen.t) * reflected_bounce(near.chosen, light, axes);
+    }
     if most(near.hazed) > 0.0 {
         met.radiance += near.hazed * air_radiance(path.direction);
     }

@@ -33,6 +33,9 @@ impl LodTransition {
     /// Every mesh is one, however far away, and every skin has its finest shell.
     pub const MESHES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: f32::INFINITY };
 
+    /// No mesh is one for which a volume stands in, however near, and every skin has its coarsest shell.
+    pub(crate) const VOLUMES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: 0.0 };
+
     /// Returns the transition about an eye, where a pixel is `pixel_width` wide at distance 1. `share` is how far the
     /// radius lies from the inner sphere to the outer one, 0 to 1.
     pub fn new(eye: Vec3, pixel_width: f32, share: f32) -> LodTransition {

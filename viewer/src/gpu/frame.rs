@@ -66,7 +66,7 @@ pub(crate) struct GpuFrame {
     pub volume_slice: f32,
     pub widest_leaf: f32,
     pub filtered: u32,
-    pub pad1: u32,
+    pub irradiance_at: u32,
     pub air: [f32; 3],
     pub pad2: u32,
 }
@@ -157,6 +157,8 @@ pub(crate) struct ScenePlaces {
     pub volume_root: u32,
     /// [`Geometry::widest_leaf`](crate::Geometry::widest_leaf).
     pub widest_leaf: f32,
+    /// The quad of the lights' buffer where the irradiance volume begins; 0 for none.
+    pub irradiance_at: u32,
 }
 
 impl GpuFrame {
@@ -204,7 +206,7 @@ impl GpuFrame {
             volume_slice: volumes.map_or(0.0, |volumes| volumes.slice()),
             widest_leaf: places.widest_leaf,
             filtered: options.filter as u32,
-            pad1: 0,
+            irradiance_at: places.irradiance_at,
             air: scene.air,
             pad2: 0,
         }

@@ -10,6 +10,7 @@ use std::collections::HashMap;
 pub(super) const SCENE: &str = include_str!("../shaders/scene.wgsl");
 pub(super) const SAMPLER: &str = include_str!("../sampler.wgsl");
 pub(super) const ENVIRONMENT: &str = include_str!("../light/environment.wgsl");
+pub(super) const IRRADIANCE_VOLUME: &str = include_str!("../light/irradiance_volume.wgsl");
 pub(super) const LIGHT_GRID: &str = include_str!("../light/light_grid.wgsl");
 pub(super) const SUN_DISC: &str = include_str!("../light/sun_disc.wgsl");
 pub(super) const SURFACE: &str = include_str!("../geometry/surface.wgsl");
@@ -159,6 +160,7 @@ pub fn trace_module(tracer: GpuTracer, layout: ModuleLayout) -> String {
             SAMPLER,
             ENVIRONMENT,
             LIGHT_GRID,
+            IRRADIANCE_VOLUME,
             SUN_DISC,
             SURFACE,
             RELIEF,

@@ -26,6 +26,8 @@ pub(crate) struct PipelineConstants {
     pub environment: bool,
     /// Point lights are drawn from more than are asked.
     pub drawn_lights: bool,
+    /// Light after one bounce is cached.
+    pub irradiance_volume: bool,
     /// Assets are decoded by the exact rule.
     pub exact: bool,
     /// The most that is made of heights, as [`HeightUse`] numbers it.
@@ -55,6 +57,7 @@ impl PipelineConstants {
             displacement: scene.materials.iter().any(|material| material.displacement > 0.0),
             environment: scene.environment.is_some(),
             drawn_lights: asked < scene.lights.len(),
+            irradiance_volume: options.uses_irradiance_volume(),
             exact: options.decode.interpolation == Interpolation::Exact,
             heights: if uses_heights { options.decode.heights as u32 } else { HeightUse::None as u32 },
             edits: heads().any(|head| head.has_edits()),
@@ -74,6 +77,7 @@ impl PipelineConstants {
             displacement: self.displacement | other.displacement,
             environment: self.environment | other.environment,
             drawn_lights: self.drawn_lights | other.drawn_lights,
+            irradiance_volume: self.irradiance_volume | other.irradiance_volume,
             exact: self.exact | other.exact,
             heights: self.heights.max(other.heights),
             edits: self.edits | other.edits,
@@ -89,7 +93,7 @@ impl PipelineConstants {
     }
 
     /// Returns the values by name, for the pipeline of a pass.
-    pub(crate) fn values(self, pass: Pass) -> [(&'static str, f64); 13] {
+    pub(crate) fn values(self, pass: Pass) -> [(&'static str, f64); 14] {
         // The ray that goes on from a surface is one light.
         let kept_rows = self.kept_rows && pass != Pass::Scatter;
         [
@@ -100,6 +104,7 @@ impl PipelineConstants {
             ("with_displacement", u32::from(self.displacement)),
             ("with_environment", u32::from(self.environment)),
             ("with_drawn_lights", u32::from(self.drawn_lights)),
+            ("with_irradiance_volume", u32::from(self.irradiance_volume)),
             ("with_exact_rule", u32::from(self.exact)),
             ("most_heights", self.heights),
             ("with_edits", u32::from(self.edits)),
@@ -139,6 +144,7 @@ mod tests {
             shade.light_samples = 2;
         });
         assert!(few.drawn_lights && !few.kept_rows);
+        assert!(!plain.irradiance_volume && changed(&|_, shade| shade.irradiance_cells = 8).irradiance_volume);
         assert!(changed(&|_, shade| shade.decode.interpolation = Interpolation::Exact).exact);
         assert!(changed(&|scene, _| scene.materials[0].displacement = 1.0).displacement);
         assert!(

@@ -10,13 +10,14 @@ use crate::gpu::acceleration_structure::{MESHES, PROXIES, WITH_VOLUMES};
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::frame::{GpuFrame, GpuLight, GpuMaterial, GpuPath, GpuPixel, MAX_MATERIALS, NO_ASSET};
 use crate::gpu::modules::{
-    AIR, BLIT, DIRECT_LIGHT, FRACTAL_NOISE, INTEGRATOR, LIGHT_GRID, LOD_TRANSITION, ModuleLayout, PATH, RELIEF,
-    ROOFLINE, SAMPLER, SCATTER, SHADER, SHEAR, SKIN_CELL, SKIN_PATTERN, SKIN_WALK, SUN_DISC, VOLUME_LIGHT, VOLUMES,
-    VOLUMES_ON_PATHS, trace_module, walk_module,
+    AIR, BLIT, DIRECT_LIGHT, FRACTAL_NOISE, INTEGRATOR, IRRADIANCE_VOLUME, LIGHT_GRID, LOD_TRANSITION, ModuleLayout,
+    PATH, RELIEF, ROOFLINE, SAMPLER, SCATTER, SHADER, SHEAR, SKIN_CELL, SKIN_PATTERN, SKIN_WALK, SUN_DISC,
+    VOLUME_LIGHT, VOLUMES, VOLUMES_ON_PATHS, trace_module, walk_module,
 };
 use crate::gpu::pieces::PieceLayout;
 use crate::gpu::queries::decode_queries::{GpuQuery, GpuQueryParams};
 use crate::gpu::queries::walk_queries::{GpuWalkPlace, WalkQuery, WalkSum};
+use crate::light::irradiance_volume::{IRRADIANCE_VOLUME_HEAD, IRRADIANCE_VOLUME_QUADS};
 use crate::light::light_grid::{BELOW_ONE, LIGHT_CANDIDATES, LIGHT_GRID_HEAD};
 use crate::light::sky_irradiance;
 use crate::options::{Filter, RenderMode, SkyLight};
@@ -116,7 +117,7 @@ fn structs_have_the_same_fields_at_the_same_offsets_in_rust_and_wgsl() {
     let all = [
         (
             "Frame",
-            fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, heights, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, filtered, pad1, air, pad2),
+            fields!(GpuFrame; eye, width, forward, height, right, light_count, up, sample, background, interpolation, ambient, occlusion_distance, jitter, components, lobes, heights, first_row, rows, mode, light_samples, environment_at, environment, pixel_width, levels, root, sky, sun_direction, sun_part, sun_irradiance, volume_root, volumes_at, proxies_at, first_proxy, volume_reach, volume_slice, widest_leaf, filtered, irradiance_at, air, pad2),
         ),
         ("Vertex", fields!(Vertex; position, u, normal, v, tangent)),
         ("Triangle", fields!(Triangle; vertices, material)),
@@ -190,6 +191,7 @@ fn twins_hold_the_same_functions_in_the_same_order() {
     let alone = [
         // Readers of words, where Rust has slices.
         "light_grid_pair",
+        "has_irradiance_volume",
         "shell_float",
         "shell_vector",
         "shell_position",
@@ -228,6 +230,7 @@ fn twins_hold_the_same_functions_in_the_same_order() {
     let twins = [
         (include_str!("../sampler.rs"), SAMPLER, "sampler_"),
         (include_str!("../light/light_grid.rs"), LIGHT_GRID, "light_grid_"),
+        (include_str!("../light/irradiance_volume.rs"), IRRADIANCE_VOLUME, "irradiance_volume_"),
         (include_str!("../light/sun_disc.rs"), SUN_DISC, ""),
         (include_str!("../geometry/shear.rs"), SHEAR, "shear_"),
         (include_str!("../geometry/lod_transition.rs"), LOD_TRANSITION, "lod_transition_"),
@@ -288,6 +291,8 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("SIDE_CHOICE", direct_light::SIDE_CHOICE),
         ("LIGHT_GRID_HEAD", LIGHT_GRID_HEAD as u32),
         ("LIGHT_CANDIDATES", LIGHT_CANDIDATES as u32),
+        ("IRRADIANCE_VOLUME_HEAD", IRRADIANCE_VOLUME_HEAD as u32),
+        ("IRRADIANCE_VOLUME_QUADS", IRRADIANCE_VOLUME_QUADS as u32),
         ("AMBIENT_NUMBERS", Numbers::Ambient as u32),
         ("SCATTER_NUMBERS", Numbers::Scatter as u32),
         ("CHOICE_NUMBERS", Numbers::Choice as u32),
@@ -298,6 +303,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("VOLUME_SCATTER_NUMBERS", Numbers::VolumeScatter as u32),
         ("VOLUME_LIGHT_NUMBERS", Numbers::VolumeLight as u32),
         ("SKY_CANDIDATES", volumes::SKY_CANDIDATES),
+        ("BOUNCE_TURN", volumes::BOUNCE_TURN),
         ("NO_VOLUME", NO_VOLUME),
         ("NO_PATTERNS", NO_PATTERNS),
         ("PROXY_WORDS", PROXY_WORDS as u32),
@@ -327,6 +333,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         crate::shading::fractal_noise::CONSTANTS,
         crate::shading::relief::CONSTANTS,
         crate::volume::light::CONSTANTS,
+        crate::light::irradiance_volume::CONSTANTS,
         shader::CONSTANTS,
         crate::cpu::path::CONSTANTS,
         crate::cpu::integrator::CONSTANTS,

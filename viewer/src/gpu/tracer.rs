@@ -1,5 +1,6 @@
 //! The GPU tracer: a scene's buffers, and the passes of a sample over the bands of a picture.
 
+use crate::cpu::bounced_light::BouncedLight;
 use crate::error::ViewerError;
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::device::Gpu;
@@ -18,11 +19,13 @@ use crate::gpu::scene_change::{SceneChange, Updated};
 use crate::gpu::scene_words::SceneWords;
 use crate::gpu::structure::Structure;
 use crate::gpu::target::{Band, MAX_BAND_PIXELS, Target};
+use crate::light::irradiance_volume::IrradianceVolume;
 use crate::light::light_grid::LightGrid;
 use crate::operations::counts::OperationCounts;
 use crate::options::{DecoderForm, RenderMode, ShadeOptions};
 use crate::picture::PixelHit;
 use crate::scene::scene::Scene;
+use glam::Vec4;
 use std::sync::Arc;
 use web_time::Instant;
 use wgpu::BufferUsages;
@@ -53,6 +56,10 @@ pub struct Tracer {
     light_grid: Option<Arc<LightGrid>>,
     /// The grid of the latest lights that needed one.
     kept_grid: Option<Arc<LightGrid>>,
+    /// The light after one bounce, where the latest options asked for it.
+    bounced_light: Option<BouncedLight>,
+    /// What of that is in the lights' buffer, and the quad where it begins.
+    irradiance_volume: Option<(Arc<IrradianceVolume>, u32)>,
     words: SceneWords,
     structure: Structure,
     /// [`Geometry::widest_leaf`](crate::Geometry::widest_leaf).
@@ -187,6 +194,8 @@ impl Tracer {
             lights,
             light_grid: None,
             kept_grid: None,
+            bounced_light: None,
+            irradiance_volume: None,
             words,
             structure,
             widest_leaf: scene.geometry.widest_leaf(),
@@ -405,7 +414,7 @@ impl Tracer {
     /// Makes what is missing: pipelines, room for lights, the buffers of the picture.
     fn prepare(&mut self, request: &FrameRequest, passes: &[Pass]) -> Result<(), ViewerError> {
         self.pipelines.prepare(passes, self.needed(request));
-        let grown = self.prepare_lights(request.scene, request.options.light_samples)?;
+        let grown = self.prepare_lights(request)?;
         if self.size() == Some(request.size) && !grown {
             return Ok(());
         }
@@ -421,13 +430,17 @@ impl Tracer {
         self.gpu.check()
     }
 
-    /// Makes room for the lights and for what draws them, and writes that where it is new. Returns whether they have
-    /// another buffer.
-    fn prepare_lights(&mut self, scene: &Scene, light_samples: u32) -> Result<bool, ViewerError> {
+    /// Makes room for the lights, for what draws them and for what they have lit, and writes that where it is new. Returns
+    /// whether they have another buffer.
+    fn prepare_lights(&mut self, request: &FrameRequest) -> Result<bool, ViewerError> {
+        let FrameRequest { scene, options, sample, .. } = request;
         let written = self.light_grid.take();
-        self.light_grid = scene.light_grid(light_samples, &mut self.kept_grid);
+        self.light_grid = scene.light_grid(options.light_samples, &mut self.kept_grid);
+        let bounced = BouncedLight::of_sample(&mut self.bounced_light, scene, options, *sample);
         // Whether lights are drawn by the grid may change within a picture, which another buffer would end.
-        let bytes = lights_bytes(scene) + LightGrid::max_bytes(scene.lights.len());
+        let lights = lights_bytes(scene).max(size_of::<GpuLight>() as u64);
+        let volume_at = (lights + LightGrid::max_bytes(scene.lights.len())).next_multiple_of(size_of::<Vec4>() as u64);
+        let bytes = volume_at + bounced.as_ref().map_or(0, |volume| size_of_val(volume.quads()) as u64);
         let grown = bytes > self.lights.size();
         if grown {
             self.lights = light_buffer(&self.gpu, bytes.next_power_of_two())?;
@@ -436,6 +449,13 @@ impl Tracer {
             && (grown || !written.is_some_and(|written| Arc::ptr_eq(&written, grid)))
         {
             self.gpu.queue.write_buffer(&self.lights, lights_bytes(scene), bytemuck::cast_slice(grid.pairs()));
+        }
+        let before = self.irradiance_volume.take().filter(|_| !grown);
+        self.irradiance_volume = bounced.map(|volume| (volume, (volume_at / size_of::<Vec4>() as u64) as u32));
+        if let Some((volume, at)) = &self.irradiance_volume
+            && !before.is_some_and(|(written, written_at)| Arc::ptr_eq(&written, volume) && written_at == *at)
+        {
+            self.gpu.queue.write_buffer(&self.lights, volume_at, bytemuck::cast_slice(volume.quads()));
         }
         Ok(grown)
     }
@@ -459,6 +479,7 @@ impl Tracer {
             volumes_at: self.words.volumes_at(),
             volume_root: self.structure.volume_root,
             widest_leaf: self.widest_leaf,
+            irradiance_at: self.irradiance_volume.as_ref().map_or(0, |(_, at)| *at),
         };
         let frame = GpuFrame::new(request, [band.first_row, band.rows], &places);
         self.gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));

@@ -3,6 +3,7 @@
 pub(crate) mod atmosphere;
 pub(crate) mod daylight;
 pub(crate) mod environment;
+pub(crate) mod irradiance_volume;
 pub(crate) mod light_grid;
 pub(crate) mod light_tree;
 pub(crate) mod sky;

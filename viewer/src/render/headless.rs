@@ -13,7 +13,7 @@ use crate::gpu::tracer::Tracer;
 use crate::motion::motion_picture::MotionPicture;
 use crate::motion::pose::Pose;
 use crate::motion::vectors::motion_of;
-use crate::options::{MAX_DEPTH, MAX_LIGHT_SAMPLES, ShadeOptions};
+use crate::options::{MAX_DEPTH, MAX_IRRADIANCE_CELLS, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions};
 use crate::picture::Picture;
 use crate::picture::PixelHit;
 use crate::render::bricks::{BrickReport, USUAL_VOLUME_BUDGET_MB, load_bricks, say_if_coarser};
@@ -92,6 +92,14 @@ impl RenderParams {
         if !(1..=MAX_LIGHT_SAMPLES).contains(&self.shade.light_samples) {
             return Err(ViewerError::Usage(format!("--light-samples is 1 to {MAX_LIGHT_SAMPLES}")));
         }
+        if self.shade.irradiance_cells > MAX_IRRADIANCE_CELLS {
+            return Err(ViewerError::Usage(format!("--irradiance-volume has 1 to {MAX_IRRADIANCE_CELLS} cells")));
+        }
+        if self.shade.irradiance_cells > 0 && self.shade.mode == RenderMode::Path {
+            return Err(ViewerError::Usage(
+                "--irradiance-volume stands in for bounces, which --mode path traces: leave one of them out".into(),
+            ));
+        }
         Ok(())
     }
 }
@@ -139,6 +147,8 @@ pub struct RenderReport {
     pub mode: &'static str,
     /// Rays of a path at most.
     pub depth: u32,
+    /// Cells along the longest side of the irradiance volume; 0 without one.
+    pub irradiance_cells: u32,
     /// Residual components at most; `null` for all.
     pub components: Option<u32>,
     /// Lobes at most; `null` for all.
@@ -424,6 +434,7 @@ fn rendered(
         light_samples: params.shade.light_samples,
         mode: params.shade.mode.name(),
         depth: params.shade.depth,
+        irradiance_cells: params.shade.irradiance_cells,
         components: limit(params.shade.decode.components),
         lobes: limit(params.shade.decode.lobes),
         interpolation: params.shade.decode.interpolation.name(),

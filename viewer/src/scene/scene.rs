@@ -1,9 +1,11 @@
 //! What is drawn: geometry, materials, packed assets, lights, camera, exposure; and the built-in scenes.
 
 use crate::error::ViewerError;
+use crate::geometry::bvh_node::Bounds;
 use crate::geometry::geometry::{Geometry, Mesh, Placement, Triangle};
 use crate::light::daylight::{Daylight, SKY_SIZE, SunAndSky};
 use crate::light::environment::Environment;
+use crate::light::irradiance_volume::IrradianceCells;
 use crate::light::light_grid::{LIGHT_CANDIDATES, LightGrid};
 use crate::light::light_tree::TreeLight;
 use crate::light::sun::Sun;
@@ -57,6 +59,9 @@ impl PointLight {
         TreeLight { position: self.position, power: power.max(0.0) }
     }
 }
+
+/// Lengths of the volumetric textures that a scene is long at most for an irradiance volume over all of it.
+const MAX_LAND: f32 = 2.0;
 
 /// A distance that no ray within a scene reaches.
 const BEYOND_EVERYTHING: f32 = 1e30;
@@ -486,6 +491,19 @@ impl Scene {
             *kept = Some(Arc::new(LightGrid::new(lights, self.geometry.bounds())));
         }
         kept.clone()
+    }
+
+    /// Returns the cells of an irradiance volume, `along` on the longest side: over everything, or over the volumetric textures
+    /// alone where land goes on far beyond them.
+    pub(crate) fn irradiance_cells(&self, along: u32) -> IrradianceCells {
+        let all = self.geometry.bounds();
+        let length = |bounds: &Bounds| (bounds.hi - bounds.lo).max_element();
+        let lit = self.volumes.as_ref().map_or(all, |volumes| {
+            let volumes = volumes.proxies().bounds();
+            let both = all.add(volumes);
+            if length(&both) > MAX_LAND * length(&volumes) { volumes } else { both }
+        });
+        IrradianceCells::over(lit, along)
     }
 
     /// Returns the residual components of the asset that has most.

@@ -59,7 +59,8 @@ struct Frame {
     widest_leaf: f32,
     // 1 draws one of the texels around a place.
     filtered: u32,
-    pad1: u32,
+    // The quad of the lights' words where the irradiance volume begins; 0 for none.
+    irradiance_at: u32,
     // What a unit of air takes away; 0 for none.
     air: vec3<f32>,
     pad2: u32,
@@ -160,7 +161,7 @@ const MAX_MATERIALS: u32 = 1024u;
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(3) var<uniform> materials: array<Material, MAX_MATERIALS>;
-// The lights; then the grid that draws them, where there are more than a sample has candidates for.
+// The lights; then the grid that draws them, where there are more than a sample has candidates for; then the irradiance volume.
 @group(0) @binding(4) var<storage, read> light_words: array<vec4<f32>>;
 // Those of the band.
 @group(0) @binding(6) var<storage, read_write> pixels: array<Pixel>;

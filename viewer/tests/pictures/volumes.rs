@@ -242,6 +242,38 @@ fn compare(kind: GpuTracer, cases: &[Case], test: &str) {
     }
 }
 
+/// A scene with light after one bounce from a grid, and the same with lamps alone.
+fn cases_of_bounces() -> Vec<Case> {
+    let case = |name, scene: Scene| {
+        let options = ShadeOptions { irradiance_cells: 6, ..ShadeOptions::default() };
+        let expected = cpu_picture(&scene, &options);
+        Case { name, scene, options, expected }
+    };
+    let mut dark = garden(&[BALL]);
+    dark.sun = None;
+    dark.lights =
+        (0..9).map(|i| PointLight { position: Vec3::new(0.4 * i as f32 - 1.6, 2.0, 1.0), ..dark.lights[0] }).collect();
+    let mut few = case("bounced light of lamps that are drawn", dark);
+    few.options.light_samples = 1;
+    few.expected = cpu_picture(&few.scene, &few.options);
+    vec![case("bounced light of a sky", outdoors(&[BALL])), few]
+}
+
+#[test]
+fn every_tracer_draws_the_same_bounced_light_as_the_cpu() {
+    let test = "every_tracer_draws_the_same_bounced_light_as_the_cpu";
+    let cases = cases_of_bounces();
+    for kind in [GpuTracer::Bvh, GpuTracer::RayQuery] {
+        compare(kind, &cases, test);
+    }
+    // Planted: a grid of other cells, and none.
+    for cells in [5, 0] {
+        let Case { scene, options, expected, .. } = &cases[0];
+        let other = cpu_picture(scene, &ShadeOptions { irradiance_cells: cells, ..*options });
+        assert!(count_differences(expected, &other) > 10 * ALLOWED, "{cells}");
+    }
+}
+
 #[test]
 fn ray_queries_draw_the_same_volumes_as_the_cpu() {
     compare(GpuTracer::RayQuery, &cases(), "ray_queries_draw_the_same_volumes_as_the_cpu");
