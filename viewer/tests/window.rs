@@ -124,16 +124,22 @@ impl Viewer<'_> {
     /// Opens an asset in `folder`, where the program also keeps its settings and its pictures, and waits until it follows
     /// its keys.
     fn open<'a>(display: &'a Display, folder: &Path, asset: &str) -> Viewer<'a> {
-        let mut viewer = Viewer::start(display, folder, asset, "cpu");
+        Viewer::open_with(display, folder, &[asset])
+    }
+
+    /// Opens an asset with more arguments.
+    fn open_with<'a>(display: &'a Display, folder: &Path, arguments: &[&str]) -> Viewer<'a> {
+        let mut viewer = Viewer::start(display, folder, arguments, "cpu");
         // Keys are lost until the window has the keyboard.
         viewer.wait_until_keys_are_followed();
         viewer
     }
 
-    /// Opens an asset with a backend; what Mesa has compiled before is not used.
-    fn start<'a>(display: &'a Display, folder: &Path, asset: &str, backend: &str) -> Viewer<'a> {
+    /// Starts the program with a backend; what Mesa has compiled before is not used.
+    fn start<'a>(display: &'a Display, folder: &Path, arguments: &[&str], backend: &str) -> Viewer<'a> {
         let program = Command::new(env!("CARGO_BIN_EXE_btf-view"))
-            .args([asset, "--backend", backend, "--size", &format!("{}x{}", SIZE[0], SIZE[1])])
+            .args(arguments)
+            .args(["--backend", backend, "--size", &format!("{}x{}", SIZE[0], SIZE[1])])
             .current_dir(folder)
             .env("DISPLAY", &display.name)
             .env("XDG_CONFIG_HOME", folder)
@@ -277,6 +283,14 @@ fn difference(a: &image::RgbImage, b: &image::RgbImage) -> f64 {
     sum / a.as_raw().len() as f64
 }
 
+/// Mean difference of pixels that lie side by side, steps of 8 bits.
+fn roughness(picture: &image::RgbImage) -> f64 {
+    let [width, height] = [picture.width(), picture.height()];
+    let pairs = (0..height).flat_map(|y| (1..width).map(move |x| (x, y)));
+    let apart = |(x, y)| f64::from(picture.get_pixel(x, y)[1].abs_diff(picture.get_pixel(x - 1, y)[1]));
+    pairs.map(apart).sum::<f64>() / f64::from((width - 1) * height)
+}
+
 fn folder_with_asset() -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("weave.spmm");
@@ -334,6 +348,51 @@ fn a_light_is_dragged_edits_are_saved_and_closing_asks_about_unsaved_ones() {
     viewer.press("d");
     assert_eq!(viewer.exit_code(), Some(0));
     assert!(!dir.path().join("weave_edited.spmm").exists() && std::fs::read(&path).unwrap() == original);
+}
+
+#[test]
+fn noise_is_filtered_while_nothing_moves_and_the_raw_picture_is_there_at_once_when_something_does() {
+    if is_left_out() {
+        return;
+    }
+    let (dir, _path) = folder_with_asset();
+    let display = Display::open();
+    // Of 64 lamps each sample asks one, so that samples differ.
+    let mut viewer = Viewer::open_with(&display, dir.path(), &["weave.spmm", "--lights", "64", "--light-samples", "1"]);
+    let middle = [0.5 * (SIZE[0] - PANEL_WIDTH) as f32, 0.5 * SIZE[1] as f32];
+    // A filtered picture stays for twice its samples; the raw one changes with each.
+    let rests = |viewer: &mut Viewer| {
+        let first = viewer.picture();
+        (first == viewer.picture()).then_some(first)
+    };
+    assert!((0..3).all(|_| rests(&mut viewer).is_none()), "without the filter the picture changes all the time");
+    viewer.press("n");
+    let mut filtered = None;
+    viewer.wait_until("the noise is filtered", |viewer| {
+        filtered = rests(viewer);
+        filtered.is_some()
+    });
+    // Turned by a drag that is not at its end: the picture of the newest samples, with all their noise.
+    let [x, y] = middle.map(|x| x.round().to_string());
+    viewer.display.xdotool(&["mousemove", "--window", &viewer.window, &x, &y]);
+    viewer.display.xdotool(&["mousedown", "1"]);
+    viewer.settle();
+    let mut raw = 0f64;
+    for step in 1..6 {
+        let x = (middle[0] + 6.0 * step as f32).round().to_string();
+        viewer.display.xdotool(&["mousemove", "--window", &viewer.window, &x, &y]);
+        raw = raw.max(roughness(&image::open(viewer.settle()).unwrap().to_rgb8()));
+    }
+    viewer.display.xdotool(&["mouseup", "1"]);
+    let smooth = roughness(&filtered.unwrap());
+    println!("roughness: {smooth} filtered, {raw} raw");
+    assert!(raw > 1.2 * smooth, "{raw} {smooth}");
+    viewer.wait_until("the noise is filtered again", |viewer| rests(viewer).is_some());
+    viewer.press("n");
+    viewer.settle();
+    assert!(rests(&mut viewer).is_none(), "the filter is off");
+    viewer.press("ctrl+q");
+    assert_eq!(viewer.exit_code(), Some(0));
 }
 
 #[test]
@@ -423,7 +482,7 @@ fn the_window_is_drawn_and_closes_while_shaders_are_compiled() {
     let (dir, _path) = folder_with_asset();
     let display = Display::open();
     let start = Instant::now();
-    let mut viewer = Viewer::start(&display, dir.path(), "weave.spmm", "bvh");
+    let mut viewer = Viewer::start(&display, dir.path(), &["weave.spmm"], "bvh");
     let picture = SIZE[0] - PANEL_WIDTH;
     viewer.wait_until("the window shows a picture and its panel", |_| {
         display.count_colours(0..picture) > 40 && display.count_colours(picture..SIZE[0]) > 40

@@ -6,6 +6,7 @@ use super::editing::editor::Tool;
 use super::panels::asked::{Asked, Export};
 use super::pictures::split::Split;
 use super::pressed::is_pressed;
+use crate::work::HAS_THREADS;
 use egui::{Key, Modifiers};
 
 /// Radii of the scene that the eye flies in a second.
@@ -24,6 +25,7 @@ const KEYS: &str = "drag: turn; Shift or right drag: move\n\
     C: split view, whose line drags move; X: difference\n\
     P: picture as PNG; T: turntable\n\
     B: the wind blows or stands still\n\
+    N: noise is filtered out while nothing moves\n\
     1 2 3 4: look, brush, cluster, eraser\n\
     Ctrl+Z, Ctrl+Shift+Z: edits back and forth\n\
     Ctrl+O: a file to open is chosen\n\
@@ -91,6 +93,10 @@ pub(super) fn follow_keys(
     if is_pressed(ui, Key::B) {
         controls.panel.wind.plays = !controls.panel.wind.plays;
         ui.ctx().request_repaint();
+    }
+    if HAS_THREADS && is_pressed(ui, Key::N) {
+        controls.settings.denoise = !controls.settings.denoise;
+        asked.changed = true;
     }
     if is_pressed(ui, Key::C) {
         split.on = !split.on;

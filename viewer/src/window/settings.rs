@@ -19,6 +19,8 @@ pub(crate) struct Settings {
     pub difference_gain: f32,
     /// Drags turn the view about the eye.
     pub fly: bool,
+    /// Noise is filtered out of pictures while nothing moves.
+    pub denoise: bool,
 }
 
 impl Default for Settings {
@@ -30,6 +32,7 @@ impl Default for Settings {
             brush_radius: 8.0,
             difference_gain: 8.0,
             fly: false,
+            denoise: false,
         }
     }
 }
@@ -77,7 +80,13 @@ mod tests {
 
     #[test]
     fn settings_come_back_and_bad_ones_are_the_usual_ones() {
-        let changed = Settings { size: [800, 600], renderer: Some("cpu".into()), fly: true, ..Settings::default() };
+        let changed = Settings {
+            size: [800, 600],
+            renderer: Some("cpu".into()),
+            fly: true,
+            denoise: true,
+            ..Settings::default()
+        };
         assert_eq!(Settings::read(&toml::to_string(&changed).unwrap()), changed);
         for text in ["", "nonsense", "size = [1, 1]\nbrush_radius = nan", "size = \"x\""] {
             assert_eq!(Settings::read(text), Settings::default(), "{text}");

@@ -142,6 +142,7 @@ impl View {
         let Frame { size, mut changed } = frame;
         changed |= self.follow_bricks(size);
         let panel = &self.controls.panel;
+        self.pictures.resting.on = self.controls.settings.denoise;
         if changed {
             self.pictures.restart();
         }
@@ -152,7 +153,8 @@ impl View {
         let platform = std::mem::take(&mut output.platform_output);
         let root = output.viewport_output.get(&egui::ViewportId::ROOT);
         let mut delay = root.map_or(Duration::MAX, |viewport| viewport.repaint_delay);
-        if self.pictures.preparation().is_some() || self.bricks.waits(&self.document.scene) {
+        let works = self.pictures.preparation().is_some() || self.pictures.resting.is_at_work();
+        if works || self.bricks.waits(&self.document.scene) {
             delay = delay.min(POLL);
         }
         let View { canvas, blit, pictures, document, .. } = self;
@@ -217,7 +219,7 @@ impl View {
         controls.thumbnails.update(&canvas.context, &document.scene);
         let timer = pictures.timer_name(panel.renderer);
         let preparation = pictures.preparation();
-        let Pictures { side, split, progress, .. } = pictures;
+        let Pictures { side, split, progress, resting, .. } = pictures;
         let status = Status {
             adapter: canvas.gpu.adapter_name(),
             renderers: &controls.renderers,
@@ -225,6 +227,7 @@ impl View {
             preparation: preparation.as_deref(),
             timer,
             picture: side.size().unwrap_or([0, 0]),
+            filtered_samples: resting.shown().map(|(samples, _)| samples),
             max_components: panel.max_components,
             message: controls.message.as_deref(),
             volumes: volumes.as_deref(),
@@ -430,7 +433,7 @@ impl View {
         if self.saving.is_some() {
             return;
         }
-        match self.pictures.begin_read() {
+        match self.pictures.begin_read_shown() {
             Ok(reading) => self.saving = Some(reading),
             Err(error) => self.controls.message = Some(error.to_string()),
         }

@@ -15,6 +15,7 @@ use crate::window::editing::document::Document;
 use crate::window::pictures::renderer::Renderer;
 use crate::window::pictures::split::Split;
 use crate::window::settings::Settings;
+use crate::work::HAS_THREADS;
 use btf_runtime::{HeightUse, Interpolation};
 use std::path::PathBuf;
 
@@ -100,6 +101,10 @@ impl Panel {
         show_comparison(ui, split, status.at_hand, scene, &mut asked);
         ui.checkbox(&mut settings.light_handles, "handles of the lights");
         ui.checkbox(&mut settings.fly, "drags look around (F)");
+        if HAS_THREADS {
+            let filter = ui.checkbox(&mut settings.denoise, "filter noise while nothing moves (N)");
+            asked.changed |= filter.on_hover_text("not in split views").changed();
+        }
         ui.separator();
         self.show_files(ui, &mut asked);
         if let Some(message) = status.message {

@@ -20,6 +20,8 @@ pub(crate) struct Status<'a> {
     pub timer: &'static str,
     /// Width and height of the picture, pixels.
     pub picture: [u32; 2],
+    /// Samples of the picture that is shown, where its noise is filtered out.
+    pub filtered_samples: Option<u32>,
     /// Residual components of the asset that has most.
     pub max_components: u32,
     /// What is loaded of volumes that are stored by brick.
@@ -52,6 +54,9 @@ impl Status<'_> {
             ui.small(format!("camera {camera_ms:.2}, {volumes}light {light_ms:.2}, further rays {bounce_ms:.2} ms"));
         }
         ui.label(format!("{} x {}, {} samples", self.picture[0], self.picture[1], progress.samples));
+        if let Some(samples) = self.filtered_samples {
+            ui.small(format!("shown: noise of {samples} samples filtered out"));
+        }
         if let Some(governor) = &progress.governor {
             let Spending { components, lobes, lights } = governor.spends();
             let of = self.max_components;

@@ -7,6 +7,7 @@ pub(crate) mod pictures;
 pub(crate) mod preparing;
 pub(crate) mod progress;
 pub(crate) mod renderer;
+pub(crate) mod resting;
 pub(crate) mod side;
 pub(crate) mod split;
 pub(crate) mod stand_in;

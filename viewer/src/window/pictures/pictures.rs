@@ -1,8 +1,10 @@
 //! The pictures in the window: the scene's own, and the other one of a split view.
 
 use super::blit::{Blit, GpuBlit};
+use super::cpu_canvas::CpuCanvas;
 use super::progress::Progress;
 use super::renderer::Renderer;
+use super::resting::Resting;
 use super::side::{Devices, Rows, Side, Took};
 use super::split::{Against, Split};
 use super::stand_in::shrunk;
@@ -31,6 +33,7 @@ pub(crate) struct Pictures {
     pub side: Side,
     pub split: Split,
     pub progress: Progress,
+    pub resting: Resting,
     devices: Devices,
     timer: Option<GpuTimer>,
     /// The size of the pictures that are drawn, which may not be shown yet.
@@ -56,7 +59,16 @@ impl Pictures {
         let progress = Progress::new(shade, governor);
         let devices = Devices { window: gpu.clone(), tracing: gpu.for_tracing()? };
         let timer = GpuTimer::new(&devices.tracing);
-        Ok(Pictures { side: Side::default(), split, progress, devices, timer, drawn_size: None, own_took: None })
+        Ok(Pictures {
+            side: Side::default(),
+            split,
+            progress,
+            resting: Resting::default(),
+            devices,
+            timer,
+            drawn_size: None,
+            own_took: None,
+        })
     }
 
     /// Returns the clock of the frame times of a renderer.
@@ -118,6 +130,7 @@ impl Pictures {
     fn begin_anew(&mut self) {
         self.progress.samples = 0;
         self.own_took = None;
+        self.resting.restart();
         self.side.restart();
         self.split.side.restart();
     }
@@ -138,6 +151,7 @@ impl Pictures {
             if !self.are_at_work() && self.progress.samples < self.most_samples(&document.scene) {
                 self.add_sample(document, renderer, shade, size)?;
             }
+            self.rest(&document.scene)?;
             self.side.stand_in(&self.devices.window, &document.scene, view)
         });
         if let Err(error) = advanced {
@@ -145,6 +159,16 @@ impl Pictures {
             self.progress.problem = Some(error.to_string());
             self.progress.samples = MAX_RANDOM_SAMPLES;
         }
+    }
+
+    /// Goes on filtering the scene's own picture, where that is all that is shown.
+    fn rest(&mut self, scene: &Scene) -> Result<(), ViewerError> {
+        if self.split.on || self.side.preparation().is_some() {
+            self.resting.restart();
+            return Ok(());
+        }
+        let Progress { samples, governed, .. } = &self.progress;
+        self.resting.advance(&self.devices.window, &self.side, scene, governed, *samples)
     }
 
     /// Takes over renderers that have become ready, and begins anew with them.
@@ -247,6 +271,14 @@ impl Pictures {
         self.side.begin_read()?.ok_or_else(unready)
     }
 
+    /// Begins to read the picture that is shown: without its noise, where that is filtered out.
+    ///
+    /// # Errors
+    /// As [`Pictures::begin_read`].
+    pub fn begin_read_shown(&self) -> Result<Reading, ViewerError> {
+        self.resting.reading().map_or_else(|| self.begin_read(), Ok)
+    }
+
     /// Tells whether the GPU is at a sample, and a frame would show nothing new of it.
     pub fn are_at_work(&mut self) -> bool {
         let Pictures { side, split, devices, .. } = self;
@@ -266,8 +298,10 @@ impl Pictures {
         view: [u32; 2],
     ) -> Result<(), ViewerError> {
         let split = &self.split;
-        let Some(size) = self.side.size() else { return Ok(()) };
-        let (own, other) = (self.side.rows(), split.side.rows());
+        let rested = self.resting.shown().map(|(_, canvas)| canvas);
+        let Some(size) = rested.map(CpuCanvas::size).or(self.side.size()) else { return Ok(()) };
+        let own = rested.map_or_else(|| self.side.rows(), |canvas| vec![Rows::of_canvas(canvas)]);
+        let other = split.side.rows();
         // The other picture may still be of another size.
         let compared = split.on && split.side.size() == Some(size) && own.len() == other.len();
         pass.set_viewport(0.0, 0.0, view[0] as f32, view[1] as f32, 0.0, 1.0);

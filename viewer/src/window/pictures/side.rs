@@ -71,7 +71,7 @@ pub(crate) struct Rows<'a> {
 
 impl Rows<'_> {
     /// Returns all rows of a picture.
-    fn of_canvas(canvas: &CpuCanvas) -> Rows<'_> {
+    pub(crate) fn of_canvas(canvas: &CpuCanvas) -> Rows<'_> {
         Rows { first: 0, count: canvas.picture.height, pixels: &canvas.buffer }
     }
 }
