@@ -74,6 +74,7 @@ pub use canopy::plot::canopy_svg;
 #[cfg(not(target_arch = "wasm32"))]
 pub use canopy::structure::{CanopyStructure, Gap, INCLINATION_CLASSES};
 pub use cpu::picture::CpuPicture;
+pub use cpu::shader::DetailWidths;
 pub use error::ViewerError;
 pub use geometry::bvh::{AnyHit, Hit, NO_HIT};
 pub use geometry::bvh_node::BvhNode;

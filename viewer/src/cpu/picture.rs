@@ -1,7 +1,7 @@
 //! A picture that the CPU draws, sample by sample.
 
 use crate::cpu::bounced_light::BouncedLight;
-use crate::cpu::shader::Shader;
+use crate::cpu::shader::{DetailWidths, Shader};
 use crate::geometry::bvh::NO_HIT;
 use crate::geometry::lod_transition::LodTransition;
 use crate::light::light_grid::LightGrid;
@@ -25,6 +25,8 @@ pub struct CpuPicture {
     pub samples: u32,
     /// Hit and cost of the last sample of each pixel, row-major from the top left.
     pub hits: Vec<PixelHit>,
+    /// What levels of detail are chosen by, so that one picture's rays can look at all of them; `None` for its own pixels.
+    pub widths: Option<DetailWidths>,
     /// What drew the lights of the last sample, where there are more than it had candidates for.
     light_grid: Option<Arc<LightGrid>>,
     /// The light after one bounce that the last sample had, where options ask for it.
@@ -42,6 +44,7 @@ impl CpuPicture {
             sums: vec![[0.0; 3]; pixels],
             samples: 0,
             hits: vec![nothing; pixels],
+            widths: None,
             light_grid: None,
             bounced_light: None,
         }
@@ -61,6 +64,7 @@ impl CpuPicture {
             sample: self.samples,
             light_grid: light_grid.as_deref(),
             irradiance_volume: bounced.as_deref(),
+            widths: self.widths,
             ..Shader::with_camera(scene, scene.camera.frame(self.width, self.height), *options)
         };
         let width = self.width as usize;
@@ -70,7 +74,7 @@ impl CpuPicture {
             for x in 0..width {
                 let pixel = [x as u32, y as u32];
                 let eye = shader.camera.eye;
-                let lod_transition = LodTransition::of_path(eye, shader.camera.pixel_width(), pixel, shader.sample);
+                let lod_transition = LodTransition::of_path(eye, shader.pixel_width(), pixel, shader.sample);
                 let (radiance, hit) = Shader { lod_transition, ..shader }.path_radiance(pixel);
                 for channel in 0..3 {
                     sums[x][channel] += radiance[channel];

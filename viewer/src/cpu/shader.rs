@@ -47,6 +47,15 @@ pub(crate) struct TexelTap {
     pub weight: f32,
 }
 
+/// Widths at distance 1 of the eye by which levels of detail are chosen, where a picture's own pixels do not choose them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DetailWidths {
+    /// Of a pixel.
+    pub pixel: f32,
+    /// How far the rays of a pixel are apart.
+    pub ray: f32,
+}
+
 /// One sample of every pixel.
 pub(crate) struct Shader<'a> {
     pub(crate) scene: &'a Scene,
@@ -60,6 +69,8 @@ pub(crate) struct Shader<'a> {
     pub(crate) irradiance_volume: Option<&'a IrradianceVolume>,
     /// The level-of-detail transition of the sample's path.
     pub(crate) lod_transition: LodTransition,
+    /// What levels of detail are chosen by; `None` for the camera's pixels.
+    pub(crate) widths: Option<DetailWidths>,
 }
 
 impl Shader<'_> {
@@ -81,6 +92,7 @@ impl Shader<'_> {
             light_grid: None,
             irradiance_volume: None,
             lod_transition: LodTransition::MESHES,
+            widths: None,
         }
     }
 
@@ -108,13 +120,18 @@ impl Shader<'_> {
 
     /// Returns how far a pixel's rays are apart at distance 1 of the eye, of which it has had so many.
     fn ray_width(&self) -> f32 {
-        self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt()
+        self.widths.map_or(self.camera.pixel_width() / ((self.sample + 1) as f32).sqrt(), |widths| widths.ray)
+    }
+
+    /// Returns how wide a pixel is at distance 1 of the eye.
+    pub(crate) fn pixel_width(&self) -> f32 {
+        self.widths.map_or(self.camera.pixel_width(), |widths| widths.pixel)
     }
 
     /// Returns the width of voxels at distance 1 of the eye: that of rays. These miss narrower ones, and wider ones blur
     /// (docs/results/voltex.md).
     pub(crate) fn voxel_width(&self) -> f32 {
-        self.ray_width().max(self.camera.pixel_width() / MAX_RAYS_ACROSS)
+        self.ray_width().max(self.pixel_width() / MAX_RAYS_ACROSS)
     }
 
     /// Returns the numbers by which one of the texels around a vertex is taken, `travelled` from the eye: the nearest where

@@ -73,7 +73,9 @@ fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f
 struct VolumeWay {
     stretches: Stretches,
     stretch: Stretch,
-    level: VolumeLevel,
+    level: u32,
+    // Of the level, along the ray.
+    clumping: f32,
     walk: VoltexWalk,
 }
 
@@ -157,7 +159,8 @@ fn volume_march(
     var through = 1.0;
     var stretches = volume_stretches(path.origin, path.direction, t_max);
     var stretch: Stretch;
-    var level: VolumeLevel;
+    var level = 0u;
+    var clumping = 1.0;
     var walk: VoltexWalk;
     // While a ray to the light is followed: where the path's ray is, and the optical depth so far.
     var to_light = false;
@@ -176,7 +179,7 @@ fn volume_march(
                 let origin = path.origin + path.direction * (*near).drawn.t + volume_shadow_offset((*near).drawn, towards);
                 to_light = true;
                 optical_depth = 0.0;
-                kept = VolumeWay(stretches, stretch, level, walk);
+                kept = VolumeWay(stretches, stretch, level, clumping, walk);
                 stretches = volume_stretches_in_turn(origin, towards, (*near).light.distance);
                 walk.t_end = walk.t;
             } else if is_last {
@@ -187,16 +190,17 @@ fn volume_march(
             }
         }
         if walk.t < walk.t_end {
-            let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
-            let met = volume_level_met(stretch.volume, level, segment.cell, stretch.direction);
-            let parts = volume_parts_of(stretch.volume, segment.cell, met.shares, stretch.direction);
+            let segment = voltex_walk_next(stretch.volume, &walk, level);
+            let met = volume_level_met(level, segment.cell);
+            let along = volume_clumping_met(stretch.volume, level, clumping, met, stretch.direction);
+            let sigma = along * voltex_extinction_along(stretch.volume, segment.cell.voxel, stretch.direction);
             let way = segment.t1 - segment.t0;
             if !to_light {
-                let opacity = 1.0 - exp(-parts.sigma * way);
+                let opacity = 1.0 - exp(-sigma * way);
                 if opacity > VOLUME_MIN_OPACITY {
-                    let t = stretch.start + segment.t0 + voltex_seen_at(parts.sigma * way, way);
+                    let t = stretch.start + segment.t0 + voltex_seen_at(sigma * way, way);
                     let weight = through * opacity;
-                    point = VolumePoint(stretch.map, t, weight, stretch.volume, met, parts, stretch.direction);
+                    point = VolumePoint(stretch.map, t, weight, stretch.volume, met, VolumeCell(segment.cell.voxel, sigma), stretch.direction);
                     waits = true;
                     through *= 1.0 - opacity;
                     if through < VOLUME_END {
@@ -205,7 +209,7 @@ fn volume_march(
                 }
                 continue;
             }
-            optical_depth += parts.sigma * way;
+            optical_depth += sigma * way;
             if optical_depth <= VOLUME_MAX_DEPTH {
                 continue;
             }
@@ -215,7 +219,8 @@ fn volume_march(
             if stretch.volume != NO_VOLUME {
                 let t = select(0.5 * (stretch.t0 + stretch.t1), (*near).drawn.t, to_light);
                 let width = (path.travelled + t) * voxel_width();
-                level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
+                level = volume_level_of(stretch.volume, stretch.map, width);
+                clumping = voltex_clumping_along(stretch.volume, level, stretch.direction);
                 walk = volume_walk_of(stretch);
                 continue;
             }
@@ -234,6 +239,7 @@ fn volume_march(
         stretches = kept.stretches;
         stretch = kept.stretch;
         level = kept.level;
+        clumping = kept.clumping;
         walk = kept.walk;
     }
     return through;

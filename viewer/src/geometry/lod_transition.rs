@@ -21,35 +21,42 @@ pub(crate) const STREAM: u32 = 0x5bd1_e995;
 /// Steps of the R2 sequence [Roberts 2018] in fractions of 2^32: radii of neighbouring pixels are far from each other.
 pub(crate) const PIXEL_STEPS: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
 
-/// The transition of one path: what is a mesh, and what a volume.
+/// The levels of detail of one path: what is a mesh, what a volume, and which level of that.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LodTransition {
     eye: Vec3,
     /// Radius of the spheres, in widths of leaves.
     radius_widths: f32,
+    /// The number, from 0 to below 1, by which a level of a volume is taken of the two between which a width lies: where
+    /// the width is nearer to the coarser one than this, the coarser one.
+    pub(crate) level_share: f32,
 }
 
 impl LodTransition {
     /// Every mesh is one, however far away, and every skin has its finest shell.
-    pub const MESHES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: f32::INFINITY };
+    pub const MESHES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: f32::INFINITY, level_share: 0.5 };
 
     /// No mesh is one for which a volume stands in, however near, and every skin has its coarsest shell.
-    pub(crate) const VOLUMES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: 0.0 };
+    pub(crate) const VOLUMES: LodTransition = LodTransition { eye: Vec3::ZERO, radius_widths: 0.0, level_share: 0.5 };
 
     /// Returns the transition about an eye, where a pixel is `pixel_width` wide at distance 1. `share` is how far the
-    /// radius lies from the inner sphere to the outer one, 0 to 1.
+    /// radius lies from the inner sphere to the outer one, 0 to 1. Of volumes it has the nearest level.
     pub fn new(eye: Vec3, pixel_width: f32, share: f32) -> LodTransition {
         let pixels = MESH_PIXELS * (VOLUME_PIXELS / MESH_PIXELS).powf(share);
-        LodTransition { eye, radius_widths: 1.0 / (pixels * pixel_width) }
+        LodTransition { eye, radius_widths: 1.0 / (pixels * pixel_width), level_share: 0.5 }
     }
 
     /// Draws the transition of a sample of a pixel: stratified over any power of two of samples, and over neighbouring
     /// pixels.
     pub(crate) fn of_path(eye: Vec3, pixel_width: f32, [x, y]: [u32; 2], sample: u32) -> LodTransition {
-        let lattice = x.wrapping_mul(PIXEL_STEPS[0]).wrapping_add(y.wrapping_mul(PIXEL_STEPS[1]));
-        let [own, _] = sampler::two(sample, STREAM);
-        let share = (own + (lattice >> 8) as f32 * 5.960_464_5e-8).fract();
-        LodTransition::new(eye, pixel_width, share)
+        let lattice = |x: u32, y: u32| {
+            let steps = x.wrapping_mul(PIXEL_STEPS[0]).wrapping_add(y.wrapping_mul(PIXEL_STEPS[1]));
+            (steps >> 8) as f32 * 5.960_464_5e-8
+        };
+        let [own, of_level] = sampler::two(sample, STREAM);
+        let transition = LodTransition::new(eye, pixel_width, (own + lattice(x, y)).fract());
+        // By the same lattice, turned: what is a volume has all levels.
+        LodTransition { level_share: (of_level + lattice(y, x)).fract(), ..transition }
     }
 
     /// Returns where a ray of unit direction lies within the spheres.

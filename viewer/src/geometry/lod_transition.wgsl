@@ -11,11 +11,13 @@ const LOD_TRANSITION_STREAM: u32 = 0x5bd1e995u;
 const PIXEL_STEP_X: u32 = 0xc13fa9a9u;
 const PIXEL_STEP_Y: u32 = 0x91e10da6u;
 
-// What is a mesh and what a volume, for one path.
+// What is a mesh, what a volume, and which level of that, for one path.
 struct LodTransition {
     eye: vec3<f32>,
     // Radius of the spheres, in widths of leaves.
     radius_widths: f32,
+    // The number, from 0 to below 1, by which a level of a volume is taken of the two between which a width lies.
+    level_share: f32,
 }
 
 // Where a ray is within the spheres about the eye.
@@ -32,17 +34,20 @@ override with_lod_transition: bool = true;
 var<private> lod_transition: LodTransition;
 
 // Returns the transition about an eye, where a pixel is `pixel_width` wide at distance 1. `share` is how far the radius
-// lies from the inner sphere to the outer one.
+// lies from the inner sphere to the outer one. Of volumes it has the nearest level.
 fn lod_transition_new(eye: vec3<f32>, pixel_width: f32, share: f32) -> LodTransition {
     let leaf_pixels = MESH_PIXELS * pow(VOLUME_PIXELS / MESH_PIXELS, share);
-    return LodTransition(eye, 1.0 / (leaf_pixels * pixel_width));
+    return LodTransition(eye, 1.0 / (leaf_pixels * pixel_width), 0.5);
 }
 
 // Draws the transition of a sample of a pixel.
 fn lod_transition_of_path(eye: vec3<f32>, pixel_width: f32, pixel: vec2<u32>, sample: u32) -> LodTransition {
-    let lattice = pixel.x * PIXEL_STEP_X + pixel.y * PIXEL_STEP_Y;
-    let own = sampler_two(sample, LOD_TRANSITION_STREAM).x;
-    return lod_transition_new(eye, pixel_width, fract(own + f32(lattice >> 8u) * 5.9604645e-8));
+    // By the same lattice, turned, for the level: what is a volume has all levels.
+    let lattice = vec2<u32>(pixel.x * PIXEL_STEP_X + pixel.y * PIXEL_STEP_Y, pixel.y * PIXEL_STEP_X + pixel.x * PIXEL_STEP_Y);
+    let shares = fract(sampler_two(sample, LOD_TRANSITION_STREAM) + vec2<f32>(lattice >> vec2<u32>(8u)) * 5.9604645e-8);
+    var transition = lod_transition_new(eye, pixel_width, shares.x);
+    transition.level_share = shares.y;
+    return transition;
 }
 
 // Returns where a ray of unit direction lies within the spheres.

@@ -201,7 +201,6 @@ fn twins_hold_the_same_functions_in_the_same_order() {
         "shell_boundary",
         "shell_face",
         "volume_slot_of",
-        "volume_offset",
         // Operators and iterators of Rust.
         "most",
         "volume_times",
@@ -209,7 +208,7 @@ fn twins_hold_the_same_functions_in_the_same_order() {
         "volume_scale",
         "volume_level_of",
         "volume_level_met",
-        "volume_cell_light",
+        "volume_clumping_met",
         "volume_normal_towards",
         // Rust has these in camera.rs and material.rs.
         "camera_direction",

@@ -4,11 +4,9 @@
 override group_width: u32 = 8u;
 override group_height: u32 = 8u;
 
-// Returns whether the band has such a pixel, and draws what is a mesh and what a volume for its path.
+// Returns whether the band has such a pixel, and draws what is a mesh, what a volume and which level of that for its path.
 fn in_band(pixel: vec2<u32>) -> bool {
-    if with_lod_transition {
-        lod_transition = lod_transition_of_path(frame.eye, frame.pixel_width, whole_picture(pixel), frame.sample);
-    }
+    lod_transition = lod_transition_of_path(frame.eye, frame.pixel_width, whole_picture(pixel), frame.sample);
     return pixel.x < frame.width && pixel.y < frame.rows;
 }
 

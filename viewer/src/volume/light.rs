@@ -1,9 +1,9 @@
-//! Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin:
+//! Light of volumetric textures along a ray: one filtered ray, each path at one of the two levels nearest to what a pixel sees. Twin:
 //! `light.wgsl`.
 
 use crate::geometry::lod_transition::LodTransition;
 use crate::volume::volumes::{SkinTet, Stretch, Volumes};
-use btf_runtime::voltex::{Cell, NO_VOXEL, Segment, Voltex, VoltexRay, Voxel, Walk, gloss, seen_at, shade};
+use btf_runtime::voltex::{Cell, NO_VOXEL, Voltex, VoltexRay, Walk, gloss, seen_at, shade};
 use glam::{Mat3, Vec3};
 
 /// Transmittance below which a ray ends.
@@ -38,61 +38,37 @@ pub struct VolumePoint {
     pub within: Option<SkinTet>,
     volume: usize,
     map: Mat3,
-    level: Level,
-    parts: Parts,
+    level: u32,
+    cell: SeenCell,
     view: Vec3,
 }
 
-/// Extinction of a segment along the ray, and of its two cells the voxels' numbers with the share that each counts for.
+/// A segment's cell: its voxel's number, and its extinction along the ray.
 #[derive(Debug, Clone, Copy)]
-struct Parts {
-    shares: [f32; 2],
-    numbers: [u32; 2],
+struct SeenCell {
+    number: u32,
     sigma: f32,
 }
 
-impl Parts {
-    /// Iterates over all microflakes, with what they count for.
-    fn microflakes(&self, voltex: &Voltex) -> impl Iterator<Item = (f32, Voxel)> {
-        let cells = self.shares.into_iter().zip(self.numbers);
-        cells.flat_map(move |(share, number)| voltex.microflakes(number).map(move |(_, voxel)| (share, voxel)))
-    }
+/// Returns the level of which a path sees voxels where they are to be about `width` wide in the world: of the two between
+/// which that lies one, as likely as it is near. A mean of both levels' extinctions would hide more than either does, since
+/// their gaps lie elsewhere.
+fn level_of(voltex: &Voltex, map: &Mat3, width: f32, share: f32) -> u32 {
+    let scale = map.determinant().abs().cbrt();
+    let most = voltex.level_count();
+    let voxels = width * scale * (1u32 << most) as f32;
+    let level = voxels.clamp(1e-9, 1e9).log2().clamp(0.0, most as f32);
+    ((level + share) as u32).min(most)
 }
 
-/// The two levels between which a ray sees voxels.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Level {
-    finer: u32,
-    /// Share of the next coarser one.
-    part: f32,
+/// Returns the level at which a cell is met: `level`, or a coarser one where the volume's brick is not loaded so fine.
+fn level_met(level: u32, cell: &Cell) -> u32 {
+    if cell.voxel == NO_VOXEL { level } else { cell.size }
 }
 
-impl Level {
-    /// Returns the levels at which voxels are about `width` wide in the world.
-    fn of(voltex: &Voltex, map: &Mat3, width: f32) -> Level {
-        let scale = map.determinant().abs().cbrt();
-        let voxels = width * scale * (1u32 << voltex.level_count()) as f32;
-        let level = voxels.clamp(1e-9, 1e9).log2().clamp(0.0, voltex.level_count() as f32);
-        let finer = level as u32;
-        Level { finer, part: level - finer as f32 }
-    }
-
-    /// Returns what the microflakes of the finer and of the next coarser level count for along `d`, which differ in
-    /// clumping.
-    fn shares(&self, voltex: &Voltex, d: [f32; 3]) -> [f32; 2] {
-        let along = |level: u32| voltex.clumping_along(level, d);
-        [(1.0 - self.part) * along(self.finer), self.part * along(self.finer + 1)]
-    }
-
-    /// Returns the level at which a cell is met, with its shares along `d`: this one, whose `shares` are known, or a
-    /// coarser one where the volume's brick is not loaded so fine.
-    fn met(self, voltex: &Voltex, cell: &Cell, shares: [f32; 2], d: [f32; 3]) -> (Level, [f32; 2]) {
-        if cell.voxel == NO_VOXEL || cell.size <= self.finer {
-            return (self, shares);
-        }
-        let level = Level { finer: cell.size, part: 0.0 };
-        (level, level.shares(voltex, d))
-    }
+/// Returns the factor on optical depths along d for the clumping of the level `met`; `clumping` is that of `level`.
+fn clumping_met(voltex: &Voltex, level: u32, clumping: f32, met: u32, d: [f32; 3]) -> f32 {
+    if met == level { clumping } else { voltex.clumping_along(met, d) }
 }
 
 impl VolumePoint {
@@ -102,14 +78,8 @@ impl VolumePoint {
     pub fn reflected(&self, volumes: &Volumes, light: Vec3, least_roughness: f32) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light * self.map.determinant().abs().cbrt().recip();
-        let of_cell = |(cell, share): (usize, f32)| share * self.cell_light(voltex, cell, l, least_roughness);
-        self.parts.shares.into_iter().enumerate().map(of_cell).sum::<Vec3>() / self.parts.sigma
-    }
-
-    /// Returns the sum over the microflakes of the cell of the finer level, or of the coarser one.
-    fn cell_light(&self, voltex: &Voltex, cell: usize, l: Vec3, least_roughness: f32) -> Vec3 {
         let mut sum = Vec3::ZERO;
-        for (_, voxel) in voltex.microflakes(self.parts.numbers[cell]) {
+        for (_, voxel) in voltex.microflakes(self.cell.number) {
             let material = voltex.material(voxel.material);
             let [same, other] = shade(&voxel.moment, (-self.view).into(), l.into());
             sum += Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other;
@@ -118,43 +88,29 @@ impl VolumePoint {
                 let [eye, lamp] = [-self.view, l].map(Vec3::normalize_or_zero);
                 let roughness = material.roughness.max(least_roughness);
                 let shine = gloss(&voxel.extinction, material.specular, roughness, eye.into(), lamp.into());
-                let denser = voltex.facets_along(self.level.finer + cell as u32, (eye + lamp).into());
+                let denser = voltex.facets_along(self.level, (eye + lamp).into());
                 sum += self.view.length() * denser * shine;
             }
         }
-        sum
+        // The clumping, by which all of them count for less or more, is in both.
+        sum * (voltex.clumping_along(self.level, self.view.into()) / self.cell.sigma)
     }
 
     /// Returns where a ray to a light begins, relative to the point, in the world.
     pub fn shadow_offset(&self, volumes: &Volumes, light: Vec3) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light;
-        // Between the levels', as all that is seen is: no step where one takes over.
-        let at = |level: u32| {
-            let level = level.min(voltex.level_count());
-            voltex.shadow(level).offset * voltex.voxel_side(level)
-        };
-        let offset = at(self.level.finer) + (at(self.level.finer + 1) - at(self.level.finer)) * self.level.part;
-        let towards: Vec3 =
-            self.parts.microflakes(voltex).map(|(share, voxel)| share * Vec3::from(voxel.moment.times(l.into()))).sum();
+        let offset = voltex.shadow(self.level).offset * voltex.voxel_side(self.level);
+        let microflakes = voltex.microflakes(self.cell.number);
+        let towards: Vec3 = microflakes.map(|(_, voxel)| Vec3::from(voxel.moment.times(l.into()))).sum();
         let inverse = self.map.inverse();
         inverse * (towards.normalize_or_zero() * offset)
     }
 
     /// Returns the share c by which eye and light see the same gaps, where the angle between them has this cosine.
     pub fn shared(&self, volumes: &Volumes, cos: f32) -> f32 {
-        let voltex = volumes.volume(self.volume);
-        let at = |level: u32| voltex.shadow(level.min(voltex.level_count())).shared_at(cos);
-        at(self.level.finer) + (at(self.level.finer + 1) - at(self.level.finer)) * self.level.part
+        volumes.volume(self.volume).shadow(self.level).shared_at(cos)
     }
-}
-
-/// Returns a segment's parts, of which each level's count for its share.
-fn parts_of(voltex: &Voltex, segment: &Segment, shares: [f32; 2], d: [f32; 3]) -> Parts {
-    let there = |number: u32, share: f32| if share > 0.0 { number } else { NO_VOXEL };
-    let numbers = [there(segment.cell.voxel, shares[0]), there(segment.cell.parent, shares[1])];
-    let [finer, coarser] = numbers.map(|number| voltex.extinction_along(number, d));
-    Parts { shares, numbers, sigma: shares[0] * finer + shares[1] * coarser }
 }
 
 /// Returns the ray of a stretch, t counted from its own start.
@@ -184,15 +140,16 @@ impl Volumes {
         for stretch in self.stretches(origin, direction, t_max, lod_transition).beyond_mesh() {
             let voltex = self.volume(stretch.volume);
             let map = stretch.volume_from_world;
-            let level = Level::of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)));
+            let level = level_of(voltex, &map, width_at(0.5 * (stretch.t0 + stretch.t1)), lod_transition.level_share);
             let d = stretch.ray.direction;
-            let shares = level.shares(voltex, d);
+            let clumping = voltex.clumping_along(level, d);
             let mut walk = walk_of(voltex, &stretch);
-            while let Some(segment) = walk.next(voltex, level.finer) {
-                let (level, shares) = level.met(voltex, &segment.cell, shares, d);
-                let parts = parts_of(voltex, &segment, shares, d);
+            while let Some(segment) = walk.next(voltex, level) {
+                let number = segment.cell.voxel;
+                let met = level_met(level, &segment.cell);
+                let sigma = clumping_met(voltex, level, clumping, met, d) * voltex.extinction_along(number, d);
                 let length = segment.t1 - segment.t0;
-                let depth = parts.sigma * length;
+                let depth = sigma * length;
                 let hidden = 1.0 - (-depth).exp();
                 if hidden <= MIN_OPACITY {
                     continue;
@@ -203,8 +160,8 @@ impl Volumes {
                     within: stretch.within,
                     volume: stretch.volume,
                     map,
-                    level,
-                    parts,
+                    level: met,
+                    cell: SeenCell { number, sigma },
                     view: d.into(),
                 });
                 through *= 1.0 - hidden;
@@ -221,13 +178,13 @@ impl Volumes {
         let mut sum = 0.0;
         for stretch in self.stretches_in_turn(origin, direction, t_max, lod_transition).beyond_mesh() {
             let voltex = self.volume(stretch.volume);
-            let level = Level::of(voltex, &stretch.volume_from_world, width);
+            let level = level_of(voltex, &stretch.volume_from_world, width, lod_transition.level_share);
             let d = stretch.ray.direction;
-            let shares = level.shares(voltex, d);
+            let clumping = voltex.clumping_along(level, d);
             let mut walk = walk_of(voltex, &stretch);
-            while let Some(segment) = walk.next(voltex, level.finer) {
-                let (_, shares) = level.met(voltex, &segment.cell, shares, d);
-                sum += parts_of(voltex, &segment, shares, d).sigma * (segment.t1 - segment.t0);
+            while let Some(segment) = walk.next(voltex, level) {
+                let along = clumping_met(voltex, level, clumping, level_met(level, &segment.cell), d);
+                sum += along * voltex.extinction_along(segment.cell.voxel, d) * (segment.t1 - segment.t0);
                 if sum > MAX_DEPTH {
                     return f32::INFINITY;
                 }

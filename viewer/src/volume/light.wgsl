@@ -1,4 +1,5 @@
-// Light of volumetric textures along a ray: one filtered ray, from level to level by what a pixel sees. Twin: light.rs.
+// Light of volumetric textures along a ray: one filtered ray, each path at one of the two levels
+// nearest to what a pixel sees. Twin: light.rs.
 
 // Transmittance below which a ray ends.
 const VOLUME_END: f32 = 0.003921569;
@@ -21,24 +22,14 @@ struct VolumePoint {
     // Share of the pixel that it is; 0 for none.
     weight: f32,
     volume: u32,
-    level: VolumeLevel,
-    parts: VolumeParts,
+    level: u32,
+    cell: VolumeCell,
     view: vec3<f32>,
 }
 
-// Which levels a ray sees.
-struct VolumeLevel {
-    finer: u32,
-    // Share of the next coarser one.
-    part: f32,
-    // What the microflakes of both count for along the ray.
-    shares: vec2<f32>,
-}
-
-// Extinction of a segment along the ray, and of its two cells the voxels' numbers with the share that each counts for.
-struct VolumeParts {
-    shares: vec2<f32>,
-    numbers: vec2<u32>,
+// A segment's cell: its voxel's number, and its extinction along the ray.
+struct VolumeCell {
+    number: u32,
     sigma: f32,
 }
 
@@ -57,43 +48,34 @@ fn volume_scale(map: VolumeMap) -> f32 {
     return pow(max(abs(volume_determinant(map)), 1e-37), 1.0 / 3.0);
 }
 
-// Returns the levels at which voxels are about `width` wide in the world, and what they count for along `d` in the
-// volume.
-fn volume_level_of(volume: u32, map: VolumeMap, width: f32, d: vec3<f32>) -> VolumeLevel {
+// Returns the level of which a path sees voxels where they are to be about `width` wide in the world: of the two between
+// which that lies one, as likely as it is near.
+fn volume_level_of(volume: u32, map: VolumeMap, width: f32) -> u32 {
     let most = voltex_level_count(volume);
     let voxels = width * volume_scale(map) * f32(1u << most);
     let level = clamp(log2(clamp(voxels, 1e-9, 1e9)), 0.0, f32(most));
-    let finer = floor(level);
-    return VolumeLevel(u32(finer), level - finer, volume_shares(volume, u32(finer), level - finer, d));
-}
-
-// Returns what the microflakes of a level and of the next coarser one count for along `d`, which differ in clumping.
-fn volume_shares(volume: u32, finer: u32, part: f32, d: vec3<f32>) -> vec2<f32> {
-    let along = vec2<f32>(voltex_clumping_along(volume, finer, d), voltex_clumping_along(volume, finer + 1u, d));
-    return vec2<f32>(1.0 - part, part) * along;
+    return min(u32(level + lod_transition.level_share), most);
 }
 
 // Returns the level at which a cell is met: `level`, or a coarser one where the volume's brick is not loaded so fine.
-fn volume_level_met(volume: u32, level: VolumeLevel, cell: VoltexCell, d: vec3<f32>) -> VolumeLevel {
-    if cell.voxel == VOLTEX_NO_VOXEL || cell.size <= level.finer {
-        return level;
+fn volume_level_met(level: u32, cell: VoltexCell) -> u32 {
+    return select(cell.size, level, cell.voxel == VOLTEX_NO_VOXEL);
+}
+
+// Returns the factor on optical depths along d for the clumping of the level `met`; `clumping` is that of `level`.
+fn volume_clumping_met(volume: u32, level: u32, clumping: f32, met: u32, d: vec3<f32>) -> f32 {
+    if met == level {
+        return clumping;
     }
-    return VolumeLevel(cell.size, 0.0, volume_shares(volume, cell.size, 0.0, d));
+    return voltex_clumping_along(volume, met, d);
 }
 
 // Returns the light that the point reflects and transmits of what comes from `light` (a unit vector towards it) with
 // irradiance pi, without shadow. The specular lobe counts as if the roughness were at least `least_roughness`.
 fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     let l = volume_times(point.map, light) / volume_scale(point.map);
-    let finer = point.parts.shares.x * volume_cell_light(point, 0u, l, least_roughness);
-    let coarser = point.parts.shares.y * volume_cell_light(point, 1u, l, least_roughness);
-    return (finer + coarser) / max(point.parts.sigma, 1e-30);
-}
-
-// Returns the sum over the microflakes of the cell of the finer level, or of the coarser one.
-fn volume_cell_light(point: VolumePoint, cell: u32, l: vec3<f32>, least_roughness: f32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
-    for (var own = point.parts.numbers[cell]; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
+    for (var own = point.cell.number; own != VOLTEX_NO_VOXEL; own = voltex_other(point.volume, own)) {
         let voxel = voltex_voxel(point.volume, own);
         let material = voltex_material(point.volume, voxel.material);
         let sides = voltex_shade(voxel.moment, -point.view, l);
@@ -105,21 +87,20 @@ fn volume_cell_light(point: VolumePoint, cell: u32, l: vec3<f32>, least_roughnes
             let roughness = max(material.roughness, least_roughness);
             let eye = -point.view / far;
             let lamp = normalize(l);
-            let denser = voltex_facets_along(point.volume, point.level.finer + cell, eye + lamp);
+            let denser = voltex_facets_along(point.volume, point.level, eye + lamp);
             sum += far * denser * voltex_gloss(voxel.extinction, material.specular, roughness, eye, lamp);
         }
     }
-    return sum;
+    // The clumping, by which all of them count for less or more, is in both.
+    return sum * (voltex_clumping_along(point.volume, point.level, point.view) / max(point.cell.sigma, 1e-30));
 }
 
 // Returns where a ray to a light begins, relative to the point, in the world.
 fn volume_shadow_offset(point: VolumePoint, light: vec3<f32>) -> vec3<f32> {
     let l = volume_times(point.map, light);
-    // Between the levels', as all that is seen is: no step where one takes over.
-    let finer = volume_offset(point.volume, point.level.finer);
-    let offset = mix(finer, volume_offset(point.volume, point.level.finer + 1u), point.level.part);
-    let towards = point.parts.shares.x * volume_normal_towards(point.volume, point.parts.numbers.x, l)
-        + point.parts.shares.y * volume_normal_towards(point.volume, point.parts.numbers.y, l);
+    let most = voltex_level_count(point.volume);
+    let offset = voltex_shadow_offset(point.volume, point.level) * (f32(1u << point.level) / f32(1u << most));
+    let towards = volume_normal_towards(point.volume, point.cell.number, l);
     let size = max(abs(towards.x), max(abs(towards.y), abs(towards.z)));
     let determinant = volume_determinant(point.map);
     if size < 1e-30 || abs(determinant) < 1e-30 {
@@ -140,27 +121,9 @@ fn volume_normal_towards(volume: u32, number: u32, l: vec3<f32>) -> vec3<f32> {
     return sum;
 }
 
-// Returns how far from the microflakes a ray to the light begins, sides of the volume.
-fn volume_offset(volume: u32, level: u32) -> f32 {
-    let most = voltex_level_count(volume);
-    let own = min(level, most);
-    return voltex_shadow_offset(volume, own) * (f32(1u << own) / f32(1u << most));
-}
-
 // Returns the share c by which eye and light see the same gaps, where the angle between them has this cosine.
 fn volume_shared(point: VolumePoint, cosine: f32) -> f32 {
-    let most = voltex_level_count(point.volume);
-    let finer = voltex_shared_at(point.volume, min(point.level.finer, most), cosine);
-    let coarser = voltex_shared_at(point.volume, min(point.level.finer + 1u, most), cosine);
-    return finer + (coarser - finer) * point.level.part;
-}
-
-// Returns a segment's parts, of which each level's count for its share.
-fn volume_parts_of(volume: u32, cell: VoltexCell, shares: vec2<f32>, d: vec3<f32>) -> VolumeParts {
-    let numbers = select(vec2<u32>(VOLTEX_NO_VOXEL), vec2<u32>(cell.voxel, cell.parent), shares > vec2<f32>(0.0));
-    let finer = voltex_extinction_along(volume, numbers.x, d);
-    let coarser = voltex_extinction_along(volume, numbers.y, d);
-    return VolumeParts(shares, numbers, shares.x * finer + shares.y * coarser);
+    return voltex_shared_at(point.volume, point.level, cosine);
 }
 
 // Returns the ray of a stretch, t counted from its own start.
@@ -180,13 +143,15 @@ fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32)
         if stretch.volume == NO_VOLUME {
             return select(sum, VOLUME_BLACK, stretches.entries.is_hidden);
         }
-        let level = volume_level_of(stretch.volume, stretch.map, width, stretch.direction);
+        let level = volume_level_of(stretch.volume, stretch.map, width);
+        let clumping = voltex_clumping_along(stretch.volume, level, stretch.direction);
         var walk = volume_walk_of(stretch);
         while walk.t < walk.t_end {
-            let segment = voltex_walk_next(stretch.volume, &walk, level.finer);
-            let met = volume_level_met(stretch.volume, level, segment.cell, stretch.direction);
-            let parts = volume_parts_of(stretch.volume, segment.cell, met.shares, stretch.direction);
-            sum += parts.sigma * (segment.t1 - segment.t0);
+            let segment = voltex_walk_next(stretch.volume, &walk, level);
+            let met = volume_level_met(level, segment.cell);
+            let along = volume_clumping_met(stretch.volume, level, clumping, met, stretch.direction);
+            let sigma = along * voltex_extinction_along(stretch.volume, segment.cell.voxel, stretch.direction);
+            sum += sigma * (segment.t1 - segment.t0);
             if sum > VOLUME_MAX_DEPTH {
                 return VOLUME_BLACK;
             }
