@@ -154,20 +154,16 @@ impl Noisy {
 mod tests {
     use super::*;
     use crate::cpu::picture::CpuPicture;
-    use crate::scene::asset::SceneAsset;
-    use crate::scene::scene::{MeshChoice, PointLight};
+    use crate::scene::material::Material;
+    use crate::scene::mesh::sphere;
+    use crate::scene::scene::SceneObject;
+    use std::path::Path;
 
     #[test]
     fn a_filtered_picture_is_nearer_to_one_of_many_samples() {
-        let mut scene = Scene::built_in(&MeshChoice::Sphere, vec![Arc::new(SceneAsset::built_in())], [1.0; 2]).unwrap();
-        let PointLight { position, intensity } = scene.lights[0];
-        scene.lights = (0..400)
-            .map(|i| {
-                let angle = i as f32 * 0.7;
-                let beside = glam::Vec3::new(angle.sin(), angle.cos(), (3.0 * angle).sin());
-                PointLight { position: position + 2.0 * beside, intensity: intensity.map(|x| x / 400.0) }
-            })
-            .collect();
+        let ball = SceneObject { part: sphere(), material: Material::plain([0.5; 3]) };
+        let mut scene = Scene::from_objects(Path::new("ball"), vec![ball], Vec::new()).unwrap();
+        scene.place_lights(64);
         let options = ShadeOptions { light_samples: 1, ..ShadeOptions::default() };
         let size = [48, 32];
         let mut picture = CpuPicture::new(size);
@@ -177,7 +173,7 @@ mod tests {
             }
             Picture { width: size[0], height: size[1], radiance: picture.radiance() }
         };
-        let [halfway, noisy, truth] = [2, 4, 512].map(&mut after);
+        let [halfway, noisy, truth] = [2, 4, 256].map(&mut after);
         let quality = |picture: &Picture| picture.psnr_db(&truth, 0.0);
         let before = quality(&noisy);
         let filtered = Noisy { samples: 4, picture: noisy, halfway }.filtered(&scene, &options);
