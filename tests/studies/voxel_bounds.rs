@@ -1,4 +1,7 @@
 //! What bounds the error of volumes: too few rays for a pixel, and voxels that are even within.
+//!
+//! Prints the errors of the model itself and of volumes with few and many rays, docs/results/voltex.md, "What bounds the
+//! error": `cargo run --release -p btf-tests -- voxel_bounds MODEL FILE.voltex...`.
 
 use btf_runtime::voltex::{Voltex, Volume};
 use btf_voxelize::{MarchParams, TriangleModel, VoltexRow, VoltexTruth};

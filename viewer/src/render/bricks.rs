@@ -188,12 +188,12 @@ mod tests {
         assert!(behind < aside && aside < everywhere, "{behind} {aside} {everywhere}");
         // What is loaded takes the bytes that were told, and is not loaded again.
         let camera = scene.camera;
-        let mut load = |scene: &mut Scene| load_bricks(scene, &[camera], [64, 64], 1, 64).unwrap();
+        let load = |scene: &mut Scene| load_bricks(scene, &[camera], [64, 64], 1, 64).unwrap();
         let (report, changed) = load(&mut scene);
         assert_eq!((report.unwrap().bytes, changed), (bytes_of(&scene), true));
-        assert_eq!(load(&mut scene).1, false);
+        assert!(!load(&mut scene).1);
         let mut far = scene.camera;
         far.eye = far.target + 20.0 * (far.eye - far.target);
-        assert_eq!(load_bricks(&mut scene, &[far], [64, 64], 1, 64).unwrap().1, false, "finer bricks serve as well");
+        assert!(!load_bricks(&mut scene, &[far], [64, 64], 1, 64).unwrap().1, "finer bricks serve as well");
     }
 }
