@@ -1,8 +1,8 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    bands, bent_skins, canopies, denoise, dolly, fit_floor, irradiance, landscape_costs, leaf, lobe_worth,
-    many_captures, rays, volume_costs, voxel_bounds,
+    bands, bent_skins, canopies, denoise, dolly, fit_floor, irradiance, landscape_costs, leaf, light_directions,
+    lobe_worth, many_captures, rays, volume_costs, voxel_bounds,
 };
 use std::error::Error;
 use std::process::ExitCode;
