@@ -15,6 +15,7 @@ mod fixtures;
 pub mod irradiance;
 pub mod landscape_costs;
 pub mod leaf;
+pub mod light_directions;
 pub mod lobe_worth;
 pub mod many_captures;
 pub mod rays;

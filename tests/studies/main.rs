@@ -10,7 +10,7 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 21] = [
+const STUDIES: [(&str, &str, Study); 22] = [
     ("abm_trade", "", leaf::abm_trade::run),
     ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
@@ -27,6 +27,7 @@ const STUDIES: [(&str, &str, Study); 21] = [
     ("leaf_live", "", leaf::live::run),
     ("leaf_table", "[RAYS]", leaf::table::run),
     ("leaf_trade", "", leaf::trade::run),
+    ("light_directions", "MODEL FILE.voltex", light_directions::run),
     ("lobe_worth", "ASSET.spmm...", lobe_worth::run),
     ("many_captures", "BTF_FIT [COUNT [WORKERS [KILLS]]]", many_captures::run),
     ("rays", "CANOPY.glb [EMBREE.so]", rays::run),
