@@ -12,6 +12,7 @@ pub mod dolly;
 mod embree;
 pub mod fit_floor;
 mod fixtures;
+pub mod flicker;
 pub mod irradiance;
 pub mod landscape_costs;
 pub mod leaf;

@@ -1,8 +1,8 @@
 //! `cargo run --release -p btf-tests -- STUDY [ARGUMENTS]`: prints a study's tables as Markdown.
 
 use btf_tests::{
-    bands, bent_skins, canopies, denoise, dolly, fit_floor, irradiance, landscape_costs, leaf, light_directions,
-    lobe_worth, many_captures, rays, volume_costs, voxel_bounds,
+    bands, bent_skins, canopies, denoise, dolly, fit_floor, flicker, irradiance, landscape_costs, leaf,
+    light_directions, lobe_worth, many_captures, rays, volume_costs, voxel_bounds,
 };
 use std::error::Error;
 use std::process::ExitCode;
@@ -10,7 +10,7 @@ use std::process::ExitCode;
 type Study = fn(&[String]) -> Result<(), Box<dyn Error>>;
 
 /// Name, arguments and entry of every study.
-const STUDIES: [(&str, &str, Study); 22] = [
+const STUDIES: [(&str, &str, Study); 23] = [
     ("abm_trade", "", leaf::abm_trade::run),
     ("bands", "CAPTURE ASSET.spmm...", bands::run),
     ("bent_skins", "[PIXELS]", bent_skins::run),
@@ -18,6 +18,7 @@ const STUDIES: [(&str, &str, Study); 22] = [
     ("denoise", "[WIDTH [CANOPY.glb]]", denoise::run),
     ("dolly", "MODEL FILE.voltex [PATHS]", dolly::run),
     ("fit_floor", "CAPTURE...", fit_floor::run),
+    ("flicker", "[WIDTH [FRAMES [CAMERA [LANDSCAPE ...]]]]", flicker::run),
     ("irradiance", "[WIDTH [CANOPY.glb [SAMPLES]]]", irradiance::run),
     ("landscape_costs", "[WIDTH [CAMERA [both|sun|sky [BACKEND ...]]]]", landscape_costs::run),
     ("leaf_curves", "FOLDER OUT", leaf::curves::run),
