@@ -37,7 +37,7 @@ fn main() -> std::io::Result<()> {
         std::fs::write(corpus.join("resident").join(&name), resident.pack().expect("it is small"))?;
     }
     for seed in 0..12 {
-        let volume = sample_volume(seed, 1 + seed as usize % 7, 1 + 3 * seed as usize);
+        let volume = sample_volume(seed, 1 + seed as usize % 10, 1 + 3 * seed as usize);
         let packed = volume.pack().expect("it keeps to the format");
         std::fs::write(corpus.join("voltex").join(format!("seed-{seed:02}")), packed)?;
     }
