@@ -39,6 +39,8 @@ fn all_bricks_are_the_volume_and_no_bricks_are_a_tier() {
         let whole = Volume::parse(&bytes).unwrap();
         let finest = levels as u32 - 1;
         assert_eq!((file.finest_level(), whole.levels.len()), (finest, levels));
+        assert_eq!(BrickedFile::is_one(&bytes[..80]), levels > 8);
+        assert!(!BrickedFile::is_one(&bytes[..79]) && !BrickedFile::is_one(&[b"SPMM", &bytes[4..]].concat()));
         let everything = vec![finest; file.bricks().len()];
         assert!(loaded(&file, &bytes, finest, &everything).unwrap() == whole, "{levels} levels");
         let directory = read_voltex_directory(&bytes).unwrap();

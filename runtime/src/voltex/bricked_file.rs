@@ -2,6 +2,7 @@
 
 use super::bricks::{BRICK_LEVEL, BrickCount, MAX_WHOLE_LEVEL, brick_index, bricks_of, within_brick};
 use super::error::VoltexError;
+use super::file::header::LEVELS;
 use super::file::{
     LevelNumbers, VoltexFormat, VoltexHead, VoltexSection, level_of, read_brick, read_counts, read_materials,
     read_numbers, read_whole,
@@ -79,6 +80,16 @@ struct FineLevel {
 }
 
 impl BrickedFile {
+    /// Length of the beginning of a file that tells whether it is stored by brick.
+    pub const HEAD_BYTES: u64 = 4 * HEADER_WORDS as u64;
+
+    /// Tells by the beginning of a file, of [`BrickedFile::HEAD_BYTES`] or less, whether it is a volume with levels that
+    /// are stored by brick. Nothing is checked.
+    pub fn is_one(beginning: &[u8]) -> bool {
+        let is_long = beginning.len() as u64 >= BrickedFile::HEAD_BYTES;
+        Volume::is_one(beginning) && is_long && word(beginning, LEVELS) > MAX_WHOLE_LEVEL + 1
+    }
+
     /// Reads what has to be at hand: header, tables, materials, the levels that are stored whole, and of finer ones
     /// how many voxels their bricks have.
     ///
@@ -285,8 +296,8 @@ fn read_section(read: ReadRange, entry: &SectionEntry) -> Result<Vec<u8>, BrickE
 
 /// Reads the first tier with all levels that are stored whole, or what there is where that cannot be told.
 fn read_beginning(read: ReadRange) -> Result<Vec<u8>, BrickError> {
-    let head = read(0..4 * HEADER_WORDS as u64)?;
-    if head.len() < 4 * HEADER_WORDS {
+    let head = read(0..BrickedFile::HEAD_BYTES)?;
+    if (head.len() as u64) < BrickedFile::HEAD_BYTES {
         return Ok(head);
     }
     let [sections, tiers] = [header::SECTIONS, header::TIERS].map(|at| word(&head, at) as usize);

@@ -37,7 +37,7 @@ const MAX_OFFSET: f32 = 1024.0;
 const VOXELS_AT_A_TIME: usize = 4096;
 
 /// Positions of the header words of volumetric textures.
-mod header {
+pub(super) mod header {
     /// Number of levels.
     pub const LEVELS: usize = 6;
     /// Number of materials.

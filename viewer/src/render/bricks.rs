@@ -84,7 +84,7 @@ pub(crate) fn say_if_coarser(report: Option<&BrickReport>, budget_mb: u32, contr
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::gpu::backend::BackendChoice;
     use crate::render::headless::{RenderParams, Rendered, render};
@@ -96,7 +96,7 @@ mod tests {
     use std::path::Path;
 
     /// Writes a volume of 256 voxels a side and a scene with it, and returns the scene's path.
-    fn scene_with_bricks(folder: &Path) -> std::path::PathBuf {
+    pub(crate) fn scene_with_bricks(folder: &Path) -> std::path::PathBuf {
         let mut volume = random_volume(&mut Random::new(3), 8, 0.25);
         (volume.side_m, volume.extent, volume.cyclic) = (2.0, [1.0; 3], [false; 2]);
         for level in &mut volume.levels {

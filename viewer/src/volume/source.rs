@@ -51,9 +51,14 @@ impl VolumeSource {
     /// # Errors
     /// [`ViewerError::Read`] and [`ViewerError::Volume`], naming the file.
     pub(crate) fn open(path: &Path, tint: [f32; 3]) -> Result<Option<VolumeSource>, ViewerError> {
+        let beginning = files::read_range(path, 0..BrickedFile::HEAD_BYTES);
+        let beginning = beginning.map_err(|source| ViewerError::Read { path: path.into(), source })?;
+        if !BrickedFile::is_one(&beginning) {
+            return Ok(None);
+        }
         let file = BrickedFile::open(&|range| files::read_range(path, range), &threads);
         let file = file.map_err(|error| said_of(path, error))?;
-        Ok((file.finest_level() > MAX_WHOLE_LEVEL).then(|| VolumeSource { path: path.into(), file, tint }))
+        Ok(Some(VolumeSource { path: path.into(), file, tint }))
     }
 
     /// Returns what is at hand of the file.

@@ -83,3 +83,60 @@ impl Bricks {
         Some(format!("volumes: {} of {} MB{coarser}{loading}", bytes >> 20, self.budget_mb))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::bricks::tests::scene_with_bricks;
+    use crate::scene::file::load_scene;
+
+    /// Follows the camera until the scene has other bricks, or nothing is left to wait for; returns whether it has.
+    fn followed(bricks: &mut Bricks, scene: &mut Scene) -> bool {
+        let since = Instant::now();
+        while since.elapsed() < Duration::from_secs(60) {
+            if bricks.follow(scene, [64, 64]).unwrap() {
+                return true;
+            }
+            if !bricks.waits(scene) {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("it waits for nothing");
+    }
+
+    #[test]
+    fn bricks_are_loaded_beside_the_picture_once_the_camera_rests() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut scene = load_scene(&scene_with_bricks(folder.path()), Vec::new()).unwrap();
+        let words = |scene: &Scene| scene.volumes.as_ref().unwrap().volume(0).words().len();
+        let coarse = words(&scene);
+        let mut bricks = Bricks::new(64);
+        assert!(bricks.told().is_none() && followed(&mut bricks, &mut scene));
+        let fine = words(&scene);
+        assert!(fine > coarse && !bricks.waits(&scene), "{fine} {coarse}");
+        assert!(bricks.told().is_some_and(|told| told.contains("of 64 MB") && !told.contains("coarser")));
+        // A camera that moves asks for nothing, and one that has gone away for nothing else.
+        let way = scene.camera.eye - scene.camera.target;
+        scene.camera.eye = scene.camera.target + 30.0 * way;
+        assert!(!bricks.follow(&mut scene, [64, 64]).unwrap() && bricks.waits(&scene) && bricks.work.is_none());
+        assert!(!followed(&mut bricks, &mut scene) && words(&scene) == fine);
+        // With no memory there is less, and the panel says so.
+        let mut bricks = Bricks::new(0);
+        scene.camera.eye = scene.camera.target + way;
+        let mut scene = load_scene(&scene_with_bricks(folder.path()), Vec::new()).unwrap();
+        assert!(followed(&mut bricks, &mut scene) && words(&scene) < coarse);
+        assert!(bricks.told().is_some_and(|told| told.contains("octaves coarser")), "{:?}", bricks.told());
+        // A file that is gone is named, and what was there stays.
+        std::fs::remove_file(folder.path().join("v.voltex")).unwrap();
+        let mut bricks = Bricks::new(64);
+        let error = loop {
+            match bricks.follow(&mut scene, [64, 64]) {
+                Ok(changed) => assert!(!changed),
+                Err(error) => break error.to_string(),
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        assert!(error.contains("v.voltex") && words(&scene) < coarse, "{error}");
+    }
+}
