@@ -50,3 +50,33 @@ impl Occluder {
             .ray_traverse_miss(ray, |ray, id| self.triangles[self.bvh.primitive_indices[id] as usize].intersect(ray))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_along_axes_and_in_planes_meet_what_they_are_aimed_at() {
+        let mut triangles = Vec::new();
+        for i in 0..64 {
+            let at = Vec3::new((i % 4) as f32, (i / 4 % 4) as f32, (i / 16) as f32);
+            triangles
+                .push([Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.7, 0.3, 0.2), Vec3::new(0.3, 0.8, 0.9)].map(|p| p + at));
+        }
+        let occluder = Occluder::new(&triangles);
+        let mut met = 0;
+        for triangle in &triangles {
+            let middle = triangle.iter().sum::<Vec3>() / 3.0;
+            for direction in [Vec3::X, Vec3::NEG_Y, Vec3::Z, Vec3::new(0.6, 0.0, -0.8), Vec3::new(0.0, 0.8, 0.6)] {
+                let origin = middle - 0.05 * direction;
+                assert!(occluder.occluded(origin, direction, 0.1), "{direction}");
+                assert!(occluder.occluded(middle - 9.0 * direction, direction, 10.0), "{direction} from outside");
+                let t = occluder.trace(origin, direction, 0.1).map(|met| met.t);
+                assert!(t.is_some_and(|t| (t - 0.05).abs() < 1e-4), "{direction}: {t:?}");
+                // Planted: away from it is nothing so near.
+                met += usize::from(occluder.occluded(origin, -direction, 0.02));
+            }
+        }
+        assert_eq!(met, 0);
+    }
+}
