@@ -2,12 +2,11 @@
 //! is written waits there until the page takes it.
 
 #[cfg(target_arch = "wasm32")]
-pub use page::{exists, hand_over, list, open, read, shared, take_written, write};
+pub use page::{exists, hand_over, length, list, open, read, read_range, shared, take_written, write};
 #[cfg(not(target_arch = "wasm32"))]
-pub use system::{exists, list, open, read};
+pub use system::{exists, length, list, open, read, read_range};
 
-use std::io::{self, Read, Seek};
-use std::ops::Range;
+use std::io;
 use std::path::Path;
 
 /// Reads a text file whole.
@@ -18,30 +17,11 @@ pub fn read_to_string(path: impl AsRef<Path>) -> io::Result<String> {
     String::from_utf8(read(path)?).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 
-/// Returns the length of a file in bytes.
-///
-/// # Errors
-/// Those of [`open`] and of reading.
-pub fn length(path: impl AsRef<Path>) -> io::Result<u64> {
-    open(path)?.seek(io::SeekFrom::End(0))
-}
-
-/// Reads a part of a file: the bytes of a range, fewer where the file ends before. Takes memory for what is read only.
-///
-/// # Errors
-/// Those of [`open`] and of reading.
-pub fn read_range(path: impl AsRef<Path>, range: Range<u64>) -> io::Result<Vec<u8>> {
-    let mut file = open(path)?;
-    file.seek(io::SeekFrom::Start(range.start))?;
-    let mut bytes = Vec::new();
-    file.take(range.end.saturating_sub(range.start)).read_to_end(&mut bytes)?;
-    Ok(bytes)
-}
-
 #[cfg(not(target_arch = "wasm32"))]
 mod system {
     use std::fs::File;
-    use std::io;
+    use std::io::{self, Read, Seek};
+    use std::ops::Range;
     use std::path::{Path, PathBuf};
 
     /// Opens a file for reading.
@@ -68,6 +48,27 @@ mod system {
         std::fs::read(path)
     }
 
+    /// Returns the length of a file in bytes.
+    ///
+    /// # Errors
+    /// Those of [`std::fs::metadata`].
+    pub fn length(path: impl AsRef<Path>) -> io::Result<u64> {
+        Ok(std::fs::metadata(path)?.len())
+    }
+
+    /// Reads a part of a file: the bytes of a range, fewer where the file ends before. Takes memory for what is read
+    /// only.
+    ///
+    /// # Errors
+    /// Those of [`File::open`] and of reading.
+    pub fn read_range(path: impl AsRef<Path>, range: Range<u64>) -> io::Result<Vec<u8>> {
+        let mut file = open(path)?;
+        file.seek(io::SeekFrom::Start(range.start))?;
+        let mut bytes = Vec::new();
+        file.take(range.end.saturating_sub(range.start)).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    }
+
     /// Tells whether there is a file or folder of this path.
     pub fn exists(path: impl AsRef<Path>) -> bool {
         path.as_ref().exists()
@@ -78,6 +79,7 @@ mod system {
 mod page {
     use std::collections::BTreeMap;
     use std::io;
+    use std::ops::Range;
     use std::path::{Component, Path, PathBuf};
     use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -135,6 +137,24 @@ mod page {
     /// Those of [`shared`].
     pub fn open(path: impl AsRef<Path>) -> io::Result<io::Cursor<Vec<u8>>> {
         read(path).map(io::Cursor::new)
+    }
+
+    /// Returns the length of a file in bytes.
+    ///
+    /// # Errors
+    /// Those of [`shared`].
+    pub fn length(path: impl AsRef<Path>) -> io::Result<u64> {
+        Ok(shared(path)?.len() as u64)
+    }
+
+    /// Reads a part of a file: the bytes of a range, fewer where the file ends before.
+    ///
+    /// # Errors
+    /// Those of [`shared`].
+    pub fn read_range(path: impl AsRef<Path>, range: Range<u64>) -> io::Result<Vec<u8>> {
+        let bytes = shared(path)?;
+        let [start, end] = [range.start, range.end].map(|at| at.min(bytes.len() as u64) as usize);
+        Ok(bytes.get(start..end).unwrap_or_default().to_vec())
     }
 
     /// Lists the files in a folder, in order.
