@@ -17,19 +17,24 @@ const TRUTH: u32 = 1024;
 /// Samples of the pictures.
 const SAMPLES: [u32; 7] = [2, 4, 8, 16, 32, 64, 128];
 /// Quality that pictures are to reach, dB.
-const GOAL_DB: f64 = 30.0;
+pub(crate) const GOAL_DB: f64 = 30.0;
 /// Rays of a path.
 const DEPTH: u32 = 4;
 
 /// A picture's number of samples, its quality in dB and the seconds that it took.
 pub(crate) type Measured = (u32, f64, f64);
 
+/// Draws a picture; also returns the seconds that it took.
+pub(crate) fn timed(scene: &Scene, params: &RenderParams) -> Result<(Picture, f64), Box<dyn Error>> {
+    let start = Instant::now();
+    let picture = render(scene, params, &Control::SILENT)?.picture;
+    Ok((picture, start.elapsed().as_secs_f64()))
+}
+
 fn drawn(scene: &Scene, size: [u32; 2], frames: u32, denoise: bool) -> Result<(Picture, f64), Box<dyn Error>> {
     let shade = ShadeOptions { mode: RenderMode::Path, depth: DEPTH, ..ShadeOptions::default() };
     let params = RenderParams { size, frames, backend: BackendChoice::Cpu, shade, denoise, ..RenderParams::default() };
-    let start = Instant::now();
-    let picture = render(scene, &params, &Control::SILENT)?.picture;
-    Ok((picture, start.elapsed().as_secs_f64()))
+    timed(scene, &params)
 }
 
 /// Returns the seconds after which a row of pictures has the quality asked for: between two of them as the logarithm of time.

@@ -5,14 +5,13 @@
 //! of a quarter as many samples; what paths of two rays differ by with as many is noise. Times are of this machine and run: compare
 //! them with each other.
 
-use crate::denoise::time_to;
+use crate::denoise::{GOAL_DB, time_to, timed};
 use btf_viewer::{
-    BackendChoice, Camera, Control, Landscape, LandscapeParams, MeshChoice, Picture, RenderMode, RenderParams, Scene,
-    ShadeOptions, render,
+    BackendChoice, Camera, Landscape, LandscapeParams, MeshChoice, Picture, RenderMode, RenderParams, Scene,
+    ShadeOptions,
 };
 use std::error::Error;
 use std::path::Path;
-use std::time::Instant;
 
 /// Cells along the longest side of the volumes whose error is told.
 const CELLS: [u32; 3] = [8, 16, 32];
@@ -22,8 +21,6 @@ const USUAL_CELLS: u32 = 32;
 const FILLED: u32 = 32;
 /// Samples of the pictures that are timed.
 const SAMPLES: [u32; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
-/// Quality that pictures are to reach, dB.
-const GOAL_DB: f64 = 30.0;
 /// The eye's distance from the canopy's middle, in its radii, and the direction there.
 const CANOPY_EYE: [f32; 3] = [0.1, 0.16, 0.32];
 
@@ -38,10 +35,7 @@ fn ways() -> Vec<(String, ShadeOptions)> {
 }
 
 fn drawn(scene: &Scene, size: [u32; 2], frames: u32, shade: ShadeOptions) -> Result<(Picture, f64), Box<dyn Error>> {
-    let params = RenderParams { size, frames, backend: BackendChoice::Cpu, shade, ..RenderParams::default() };
-    let start = Instant::now();
-    let picture = render(scene, &params, &Control::SILENT)?.picture;
-    Ok((picture, start.elapsed().as_secs_f64()))
+    timed(scene, &RenderParams { size, frames, backend: BackendChoice::Cpu, shade, ..RenderParams::default() })
 }
 
 /// Returns the mean difference of two pictures and the root mean square of it, over the mean of the second.

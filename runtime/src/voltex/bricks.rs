@@ -30,8 +30,8 @@ pub fn level_of_brick(index: u32) -> u32 {
     index >> (3 * BRICK_LEVEL)
 }
 
-/// Returns the Morton numbers of the bricks, ascending; `voxels` are those of [`BRICK_LEVEL`].
-pub(super) fn bricks_of(voxels: &[PlacedVoxel]) -> Vec<u64> {
+/// Returns the Morton numbers of the bricks, ascending; `voxels` are those of [`BRICK_LEVEL`], by their coordinates.
+pub(super) fn bricks_of<T>(voxels: &[([u32; 3], T)]) -> Vec<u64> {
     voxels.iter().map(|(at, _)| order(*at)).collect()
 }
 

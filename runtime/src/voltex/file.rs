@@ -242,7 +242,9 @@ impl Volume {
                     section(VoltexSection::Brick, index, stream, Some(brick) == last)
                 }));
             }
-            bricks = if index == BRICK_LEVEL { bricks_of(&coded.voxels) } else { bricks };
+            if index == BRICK_LEVEL {
+                bricks = bricks_of(&coded.voxels);
+            }
             coarser = coded.voxels;
         }
         let head = VoltexHead {

@@ -1,10 +1,10 @@
 //! Examines a volumetric texture's file and reports each broken rule, everything that is legal but doubtful, and the
 //! properties of the volume.
 
-use super::bricks::{BRICK_LEVEL, MAX_WHOLE_LEVEL, brick_index};
+use super::bricks::{BRICK_LEVEL, MAX_WHOLE_LEVEL, brick_index, bricks_of};
 use super::file::{VOLTEX_VERSION, VoltexFormat, VoltexSection, examine_volume};
 use super::rule;
-use super::volume::{MicroflakeMaterial, Volume, VolumeLevel, order};
+use super::volume::{MicroflakeMaterial, Volume, VolumeLevel};
 use crate::container::directory::{Directory, SectionEntry, examine_directory_of};
 use crate::container::fault::Faults;
 use crate::container::finding::about_container;
@@ -46,12 +46,10 @@ pub fn validate(bytes: &[u8], threads: Threads) -> Report {
 /// Returns the indices of the sections of all bricks.
 fn brick_sections(volume: &Volume) -> BTreeSet<u32> {
     let count = volume.levels.len() as u32;
-    let Some(bricks) = (count as usize).checked_sub(1 + BRICK_LEVEL as usize).map(|level| &volume.levels[level].voxels)
-    else {
-        return BTreeSet::new();
-    };
+    let level = (count as usize).checked_sub(1 + BRICK_LEVEL as usize);
+    let bricks = level.map_or(Vec::new(), |level| bricks_of(&volume.levels[level].voxels));
     let levels = MAX_WHOLE_LEVEL + 1..count;
-    levels.flat_map(|level| bricks.iter().map(move |(at, _)| brick_index(level, order(*at)))).collect()
+    levels.flat_map(|level| bricks.iter().map(move |brick| brick_index(level, *brick))).collect()
 }
 
 fn about_volume(volume: &Volume, directory: &Directory<super::VoltexHead>, told: &mut Report) {

@@ -52,7 +52,7 @@ pub(crate) fn plan_bricks(
 }
 
 /// Loads what `cameras` need, each for a picture of `size` pixels with `frames` samples, as fine as `budget_mb` allows;
-/// what is loaded no longer is needed where it is too much. Returns what is loaded, `None` where no volume is stored by
+/// where that makes voxels coarser, whoever watches is told. Returns what is loaded, `None` where no volume is stored by
 /// brick, and whether anything else was before.
 ///
 /// # Errors
@@ -63,24 +63,21 @@ pub(crate) fn load_bricks(
     size: [u32; 2],
     frames: u32,
     budget_mb: u32,
+    control: &Control,
 ) -> Result<(Option<BrickReport>, bool), ViewerError> {
     let Some((report, job)) = plan_bricks(scene, cameras, size, frames, budget_mb) else { return Ok((None, false)) };
     let changed = job.is_some();
     if let (Some(job), Some(volumes)) = (job, &mut scene.volumes) {
         Arc::make_mut(volumes).take_bricks(job.run()?);
     }
-    Ok((Some(report), changed))
-}
-
-/// Tells whoever watches where voxels are coarser than they could be.
-pub(crate) fn say_if_coarser(report: Option<&BrickReport>, budget_mb: u32, control: &Control) {
-    if let Some(report) = report.filter(|report| report.coarser_octaves > 0.0) {
+    if report.coarser_octaves > 0.0 {
         (control.notice)(&format!(
             "the volumes are drawn {:.1} octaves coarser than the picture could show, so that they take {budget_mb} MB; \
              give them more with --volume-budget",
             report.coarser_octaves
         ));
     }
+    Ok((Some(report), changed))
 }
 
 #[cfg(test)]
@@ -188,12 +185,15 @@ pub(crate) mod tests {
         assert!(behind < aside && aside < everywhere, "{behind} {aside} {everywhere}");
         // What is loaded takes the bytes that were told, and is not loaded again.
         let camera = scene.camera;
-        let load = |scene: &mut Scene| load_bricks(scene, &[camera], [64, 64], 1, 64).unwrap();
+        let load = |scene: &mut Scene| load_bricks(scene, &[camera], [64, 64], 1, 64, &Control::SILENT).unwrap();
         let (report, changed) = load(&mut scene);
         assert_eq!((report.unwrap().bytes, changed), (bytes_of(&scene), true));
         assert!(!load(&mut scene).1);
         let mut far = scene.camera;
         far.eye = far.target + 20.0 * (far.eye - far.target);
-        assert!(!load_bricks(&mut scene, &[far], [64, 64], 1, 64).unwrap().1, "finer bricks serve as well");
+        assert!(
+            !load_bricks(&mut scene, &[far], [64, 64], 1, 64, &Control::SILENT).unwrap().1,
+            "finer bricks serve as well"
+        );
     }
 }

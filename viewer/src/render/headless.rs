@@ -16,10 +16,11 @@ use crate::motion::vectors::motion_of;
 use crate::options::{MAX_DEPTH, MAX_IRRADIANCE_CELLS, MAX_LIGHT_SAMPLES, RenderMode, ShadeOptions};
 use crate::picture::Picture;
 use crate::picture::PixelHit;
-use crate::render::bricks::{BrickReport, USUAL_VOLUME_BUDGET_MB, load_bricks, say_if_coarser};
+use crate::render::bricks::{BrickReport, USUAL_VOLUME_BUDGET_MB, load_bricks};
 use crate::render::control::Control;
 use crate::render::engine::Engine;
 use crate::render::governor::{Governor, Spending};
+use crate::scene::camera::Camera;
 use crate::scene::scene::Scene;
 use serde::Serialize;
 use web_time::Instant;
@@ -208,6 +209,17 @@ impl Sequence {
     pub fn turntable(pictures: u32) -> Sequence {
         Sequence { pictures, turn_rad: std::f32::consts::TAU / pictures as f32, interval_s: 0.0 }
     }
+
+    /// Returns the cameras of the pictures, of which `first` is the first one's; only that where none turns.
+    fn cameras(&self, first: Camera) -> Vec<Camera> {
+        let turned = |camera: &Camera| {
+            let mut next = *camera;
+            next.orbit(self.turn_rad, 0.0);
+            Some(next)
+        };
+        let count = if self.turn_rad == 0.0 { 1 } else { self.pictures as usize };
+        std::iter::successors(Some(first), turned).take(count).collect()
+    }
 }
 
 /// Returns where things were one picture before the first one of a sequence: the camera of a turntable one turn back, the
@@ -237,20 +249,15 @@ pub fn render_sequence(
     each: &mut dyn FnMut(u32, Rendered) -> Result<(), ViewerError>,
 ) -> Result<(), ViewerError> {
     let mut scene = scene.clone();
-    let mut cameras = vec![scene.camera];
-    for number in 1..sequence.pictures as usize * usize::from(sequence.turn_rad != 0.0) {
-        let mut camera = cameras[number - 1];
-        camera.orbit(sequence.turn_rad, 0.0);
-        cameras.push(camera);
-    }
-    let (bricks, _) = load_bricks(&mut scene, &cameras, params.size, params.frames, params.volume_budget_mb)?;
-    say_if_coarser(bricks.as_ref(), params.volume_budget_mb, control);
+    let cameras = sequence.cameras(scene.camera);
+    let budget_mb = params.volume_budget_mb;
+    let (bricks, _) = load_bricks(&mut scene, &cameras, params.size, params.frames, budget_mb, control)?;
     let mut session = Session::new(&scene, params, control)?;
     let began_s = scene.time_s;
     let mut before = if params.motion { Some(pose_before(&scene, sequence)?) } else { None };
     for number in 0..sequence.pictures {
-        if number > 0 && sequence.turn_rad != 0.0 {
-            scene.camera.orbit(sequence.turn_rad, 0.0);
+        if let Some(camera) = cameras.get(number as usize) {
+            scene.camera = *camera;
         }
         if number > 0 && sequence.interval_s != 0.0 {
             scene.blow(began_s + f64::from(number) * sequence.interval_s)?;

@@ -3,7 +3,7 @@
 
 use crate::error::ViewerError;
 use crate::options::RenderMode;
-use crate::render::bricks::{load_bricks, say_if_coarser};
+use crate::render::bricks::load_bricks;
 use crate::render::control::Control;
 use crate::render::headless::{RenderParams, Rendered, Session};
 use crate::scene::file::{SceneView, load_scene};
@@ -39,7 +39,8 @@ struct Loaded {
     file: (PathBuf, String),
     /// As the file has it.
     scene: Scene,
-    session: Session,
+    /// The scene as it is uploaded; `None` before its first picture.
+    session: Option<Session>,
 }
 
 /// Renders pictures on demand.
@@ -77,8 +78,7 @@ impl PictureServer {
             if let Some(goal) = self.packing {
                 scene.assets.iter_mut().for_each(|asset| *asset = Arc::new(asset.packed(goal)));
             }
-            let session = Session::new(&scene, &params, control)?;
-            self.loaded = Some(Loaded { file, scene, session });
+            self.loaded = Some(Loaded { file, scene, session: None });
         }
         let Some(loaded) = &mut self.loaded else { return Err(ViewerError::Interrupted) };
         let mut scene = loaded.scene.clone();
@@ -86,13 +86,17 @@ impl PictureServer {
             view.put_into(&mut scene, &request.scene)?;
         }
         let (frames, budget_mb) = (params.frames, params.volume_budget_mb);
-        let (bricks, other) = load_bricks(&mut loaded.scene, &[scene.camera], params.size, frames, budget_mb)?;
-        say_if_coarser(bricks.as_ref(), budget_mb, control);
+        let (bricks, other) = load_bricks(&mut loaded.scene, &[scene.camera], params.size, frames, budget_mb, control)?;
         if other {
-            loaded.session = Session::new(&loaded.scene, &params, control)?;
+            // What was uploaded gives its memory back first.
+            loaded.session = None;
         }
+        let session = match &mut loaded.session {
+            Some(session) => session,
+            none => none.insert(Session::new(&loaded.scene, &params, control)?),
+        };
         scene.volumes.clone_from(&loaded.scene.volumes);
-        let mut drawn = loaded.session.render(&scene, &params, control);
+        let mut drawn = session.render(&scene, &params, control);
         drawn.iter_mut().for_each(|drawn| drawn.report.volume_bricks = bricks);
         if drawn.is_err() {
             // A device that is lost draws nothing more: the next request opens it anew.

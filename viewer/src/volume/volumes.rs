@@ -244,7 +244,9 @@ impl Volumes {
     pub(crate) fn take_bricks(&mut self, loaded: LoadedBricks) {
         for (number, volume, levels) in loaded.0 {
             self.volumes[number] = volume;
-            self.sources[number].iter_mut().for_each(|(_, own)| own.clone_from(&levels));
+            if let Some((_, own)) = &mut self.sources[number] {
+                *own = levels;
+            }
         }
     }
 
