@@ -16,7 +16,7 @@ fn part_of(bytes: &[u8], range: Range<u64>) -> std::io::Result<Vec<u8>> {
 
 /// Opens a file of these bytes.
 fn opened(bytes: &[u8]) -> Result<BrickedFile, BrickError> {
-    BrickedFile::open(&|range| part_of(bytes, range), &serial)
+    BrickedFile::open(&|range| part_of(bytes, range), bytes.len() as u64, &serial)
 }
 
 /// Loads bricks of a file of these bytes.
@@ -110,6 +110,23 @@ fn damage_is_found_where_it_is_read() {
     // Any cut, and any byte of what has to be at hand.
     for length in (0..directory.tiers[7] as usize).step_by(97) {
         assert!(opened(&bytes[..length]).is_err(), "{length} bytes");
+    }
+    for length in (directory.tiers[7] as usize + 1..bytes.len()).step_by(997) {
+        let error = opened(&bytes[..length]).err().filter(|_| !directory.tiers.contains(&(length as u32)));
+        let number = error.as_ref().and_then(rule_of).map(|rule| rule.number);
+        assert_eq!(number, Some(rule::LENGTH.number), "{length} bytes");
+    }
+    assert_eq!(
+        opened(&[&bytes[..], &[0]].concat()).as_ref().err().and_then(rule_of).map(|rule| rule.number),
+        Some(rule::LENGTH.number)
+    );
+    // A tier is the volume down to a coarser level.
+    for (level, length) in directory.tiers.iter().enumerate() {
+        let tier = &bytes[..*length as usize];
+        let own = opened(tier).unwrap();
+        assert_eq!(own.finest_level() as usize, level);
+        let all = vec![9; own.bricks().len()];
+        assert!(loaded(&own, tier, 9, &all).unwrap() == Volume::parse(tier).unwrap(), "tier {level}");
     }
     for at in (0..directory.tiers[7] as usize).step_by(31) {
         let mut damaged = bytes.clone();

@@ -1,4 +1,4 @@
-//! A file of which bricks are read as they are needed. Normative text: docs/reference/voltex.md, chapter "Bricks".
+//! A file of which bricks are read as they are needed. Normative text: docs/reference/voltex.md, chapter "Brick".
 
 use super::bricks::{BRICK_LEVEL, BrickCount, MAX_WHOLE_LEVEL, brick_index, bricks_of, within_brick};
 use super::error::VoltexError;
@@ -90,15 +90,19 @@ impl BrickedFile {
         Volume::is_one(beginning) && is_long && word(beginning, LEVELS) > MAX_WHOLE_LEVEL + 1
     }
 
-    /// Reads what has to be at hand: header, tables, materials, the levels that are stored whole, and of finer ones
-    /// how many voxels their bricks have.
+    /// Reads what has to be at hand of a file of `length` bytes, or of a tier of one: header, tables, materials, the
+    /// levels that are stored whole, and of finer ones how many voxels their bricks have.
     ///
     /// # Errors
     /// [`BrickError::Read`] where `read` fails, [`BrickError::File`] for a file that [`Volume::parse`] refuses for what
     /// is read here.
-    pub fn open(read: ReadRange, threads: Threads) -> Result<BrickedFile, BrickError> {
-        let beginning = read_beginning(read)?;
+    pub fn open(read: ReadRange, length: u64, threads: Threads) -> Result<BrickedFile, BrickError> {
+        let beginning = read_beginning(read, length)?;
         let directory = read_directory_of::<VoltexFormat>(&beginning, threads)?;
+        if !directory.tiers.iter().any(|tier| u64::from(*tier) == length) {
+            let expected = directory.tiers.last().copied().unwrap_or(0).into();
+            return Err(FormatError::Length { expected, got: length }.into());
+        }
         let head = directory.head;
         let mut faults = Faults::default();
         let sections = Sections::<VoltexFormat>::new(&beginning, &directory, &mut faults);
@@ -109,7 +113,17 @@ impl BrickedFile {
         let description = section(VoltexSection::Description, 0)?.text()?;
         let materials = read_materials(section(VoltexSection::Materials, 0)?, head.materials as usize)?;
         let mut whole: Vec<(LevelNumbers, CodedVoxels)> = Vec::new();
+        let entry = |kind: VoltexSection, index: u32| {
+            let is_it = |entry: &&SectionEntry| (entry.kind, entry.index) == (kind as u32, index);
+            let missing = || FormatError::MissingSection { section: format!("{kind:?} {index}") };
+            directory.sections.iter().find(is_it).copied().ok_or_else(missing)
+        };
+        let is_at_hand = |entry: &SectionEntry| u64::from(entry.offset) + u64::from(entry.length) <= length;
         for index in 0..head.levels.min(MAX_WHOLE_LEVEL + 1) {
+            // Every tier has the coarsest.
+            if index > 0 && !is_at_hand(&entry(VoltexSection::Level, index)?) {
+                break;
+            }
             let (numbers, reader) = read_numbers(section(VoltexSection::Level, index)?)?;
             let coarser = whole.last().map_or(&[][..], |(_, coarser)| &coarser.voxels);
             let coded = read_whole(reader, coarser, head.materials)?;
@@ -117,18 +131,17 @@ impl BrickedFile {
         }
         let bricks = whole.get(BRICK_LEVEL as usize).map_or(Vec::new(), |(_, level)| bricks_of(&level.voxels));
         let mut file = BrickedFile { head, description, materials, whole, fine: Vec::new(), bricks };
-        let entry = |kind: VoltexSection, index: u32| {
-            let is_it = |entry: &&SectionEntry| (entry.kind, entry.index) == (kind as u32, index);
-            let missing = || FormatError::MissingSection { section: format!("{kind:?} {index}") };
-            directory.sections.iter().find(is_it).copied().ok_or_else(missing)
-        };
         for level in MAX_WHOLE_LEVEL + 1..head.levels {
             let own = entry(VoltexSection::Level, level)?;
+            let sections = file.bricks.iter().map(|brick| entry(VoltexSection::Brick, brick_index(level, *brick)));
+            let sections = sections.collect::<Result<Vec<_>, _>>()?;
+            // A tier has the levels that are at hand with all their bricks.
+            if !is_at_hand(&own) || !sections.iter().all(is_at_hand) {
+                break;
+            }
             let bytes = read_section(read, &own)?;
             let (numbers, reader) = read_numbers(Reader { name: name_of(&own), bytes: &bytes })?;
             let counts = read_counts(reader, file.bricks.len())?;
-            let sections = file.bricks.iter().map(|brick| entry(VoltexSection::Brick, brick_index(level, *brick)));
-            let sections = sections.collect::<Result<_, _>>()?;
             file.fine.push(FineLevel { numbers, counts, sections });
         }
         Ok(file)
@@ -136,18 +149,13 @@ impl BrickedFile {
 
     /// Returns the number of the finest level, counted from the coarsest: it has two to the power of it voxels a side.
     pub fn finest_level(&self) -> u32 {
-        self.head.levels - 1
+        (self.whole.len() + self.fine.len()) as u32 - 1
     }
 
     /// Returns the coordinates of the bricks among eight a side; none where there are no finer levels than theirs.
     pub fn bricks(&self) -> impl ExactSizeIterator<Item = [u32; 3]> {
         let level = self.whole.get(BRICK_LEVEL as usize);
         level.map_or(&[][..], |(_, level)| &level.voxels).iter().map(|(at, _)| *at)
-    }
-
-    /// Returns what the header says.
-    pub fn head(&self) -> &VoltexHead {
-        &self.head
     }
 
     /// Returns the level to which a brick is loaded where that is asked for and the volume's finest level is `finest`:
@@ -242,15 +250,12 @@ impl BrickedFile {
     /// Reads the levels of brick `i` that are stored by brick, down to `level`.
     fn read_brick(&self, read: ReadRange, i: usize, level: u32) -> Result<Vec<CodedVoxels>, BrickError> {
         let mut levels: Vec<CodedVoxels> = Vec::new();
-        let first = &self.whole[MAX_WHOLE_LEVEL as usize].1;
-        let first = within_brick(&first.voxels, MAX_WHOLE_LEVEL, self.bricks[i]);
+        let whole = &self.whole[MAX_WHOLE_LEVEL as usize].1.voxels;
+        let first = &whole[within_brick(whole, MAX_WHOLE_LEVEL, self.bricks[i])];
         for (fine, _) in self.fine.iter().zip(MAX_WHOLE_LEVEL..level) {
             let entry = &fine.sections[i];
             let bytes = read_section(read, entry)?;
-            let parents: &[PlacedVoxel] = match levels.last() {
-                Some(coarser) => &coarser.voxels,
-                None => &self.whole[MAX_WHOLE_LEVEL as usize].1.voxels[first.clone()],
-            };
+            let parents: &[PlacedVoxel] = levels.last().map_or(first, |coarser| &coarser.voxels);
             let reader = Reader { name: name_of(entry), bytes: &bytes };
             levels.push(read_brick(&reader, fine.counts[i], parents, self.head.materials)?);
         }
@@ -294,8 +299,8 @@ fn read_section(read: ReadRange, entry: &SectionEntry) -> Result<Vec<u8>, BrickE
     Err(FormatError::SectionChecksum { section: name_of(entry) }.into())
 }
 
-/// Reads the first tier with all levels that are stored whole, or what there is where that cannot be told.
-fn read_beginning(read: ReadRange) -> Result<Vec<u8>, BrickError> {
+/// Reads the first tier with all levels that are stored whole, or all of a file of `length` bytes where it has less.
+fn read_beginning(read: ReadRange, length: u64) -> Result<Vec<u8>, BrickError> {
     let head = read(0..BrickedFile::HEAD_BYTES)?;
     if (head.len() as u64) < BrickedFile::HEAD_BYTES {
         return Ok(head);
@@ -308,6 +313,6 @@ fn read_beginning(read: ReadRange) -> Result<Vec<u8>, BrickError> {
     let last = entries_of(&tables, sections)
         .filter(|entry| entry.kind == VoltexSection::Level as u32 && entry.index <= MAX_WHOLE_LEVEL);
     let end = last.map(|entry| u64::from(entry.offset) + u64::from(entry.length)).max().unwrap_or(0);
-    let length = lengths.iter().find(|length| u64::from(**length) >= end).or(lengths.last());
-    Ok(read(0..u64::from(*length.unwrap_or(&0)))?)
+    let tier = lengths.iter().map(|tier| u64::from(*tier)).find(|tier| *tier >= end);
+    Ok(read(0..tier.unwrap_or(length).min(length))?)
 }

@@ -56,7 +56,8 @@ impl VolumeSource {
         if !BrickedFile::is_one(&beginning) {
             return Ok(None);
         }
-        let file = BrickedFile::open(&|range| files::read_range(path, range), &threads);
+        let length = files::length(path).map_err(|source| ViewerError::Read { path: path.into(), source })?;
+        let file = BrickedFile::open(&|range| files::read_range(path, range), length, &threads);
         let file = file.map_err(|error| said_of(path, error))?;
         Ok(Some(VolumeSource { path: path.into(), file, tint }))
     }
