@@ -15,6 +15,7 @@ use crate::sampler;
 use crate::scene::material::Material;
 use crate::shading::relief::Relief;
 use crate::shading::viewed_body::ViewedBody;
+use crate::volume::light::LightRay;
 use btf_runtime::LightRows;
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -23,6 +24,7 @@ use std::f32::consts::PI;
 pub(crate) const ENVIRONMENT_CHOICE: u32 = 0x68bc_21eb;
 pub(crate) const LOBE_CHOICE: u32 = 0x02e5_be93;
 pub(crate) const SIDE_CHOICE: u32 = 0x1b87_3593;
+pub(crate) const ROULETTE_CHANCE: u32 = 0x2c1b_3c6d;
 
 /// Random numbers for the light at one point.
 pub(crate) struct LightNumbers {
@@ -57,6 +59,11 @@ struct LightSample {
     direction: Vec3,
     /// Distance up to which something may be in the way; 0 for none.
     distance: f32,
+}
+
+/// Returns the seed of the number by which a ray to one of the light's sources ends early.
+pub(crate) fn roulette_seed(seed: u32, source: usize) -> u32 {
+    seed ^ ROULETTE_CHANCE.wrapping_mul(source as u32 + 1)
 }
 
 impl Shader<'_> {
@@ -228,9 +235,11 @@ impl Shader<'_> {
         let mut rows = LightRows::default();
         let mut radiance = Vec3::ZERO;
         let asked = self.scene.lights.len().min(self.options.light_samples as usize);
-        let lamps = (0..asked).filter_map(|i| self.sample_point_light(lit, i, asked));
+        let lamps = (0..asked).filter_map(|i| Some((i, self.sample_point_light(lit, i, asked)?)));
+        let sun = self.sample_sun_light(lit).map(|light| (asked, light));
+        let behind_sun = asked + usize::from(self.scene.sun.is_some());
         let around = self.sample_surroundings(lit).into_iter().chain(self.sample_bounced_light(lit));
-        for light in lamps.chain(self.sample_sun_light(lit)).chain(around) {
+        for (number, light) in lamps.chain(sun).chain(around.map(|light| (behind_sun, light))) {
             let LightSample { wi, incident, direction, distance } = light;
             done.rays += u32::from(distance > 0.0);
             if distance > 0.0 && self.trace(origin, direction, distance, AnyHit::Yes).primitive != NO_HIT {
@@ -239,7 +248,8 @@ impl Shader<'_> {
             if lit.relief.is_some_and(|(relief, point)| !lit.light_back && relief.relief_shadowed(point, wi, bare)) {
                 continue;
             }
-            let passed = self.past_volumes(origin, direction, distance, lit.width);
+            let ray = LightRay { origin, direction, t_max: distance, width: lit.width };
+            let passed = self.past_volumes(&ray, sampler::one(roulette_seed(lit.numbers.seed, number)));
             if passed <= 0.0 {
                 continue;
             }

@@ -5,6 +5,7 @@
 const ENVIRONMENT_CHOICE: u32 = 0x68bc21ebu;
 const LOBE_CHOICE: u32 = 0x02e5be93u;
 const SIDE_CHOICE: u32 = 0x1b873593u;
+const ROULETTE_CHANCE: u32 = 0x2c1b3c6du;
 
 // Random numbers for the light at one point.
 struct LightNumbers {
@@ -55,6 +56,11 @@ struct SideLight {
 struct ChosenLight {
     index: u32,
     scale: f32,
+}
+
+// Returns the seed of the number by which a ray to one of the light's sources ends early.
+fn roulette_seed(seed: u32, source: u32) -> u32 {
+    return seed ^ (ROULETTE_CHANCE * (source + 1u));
 }
 
 // Draws the light of stratum `stratum` of `strata`, which divide among them what the lights add around the place: of some
@@ -231,7 +237,8 @@ fn direct_light(lit: LitPoint) -> SideLight {
             continue;
         }
         done.rays += select(0u, 1u, light.distance > 0.0);
-        let passed = past_volumes(origin, light.direction, light.distance, lit.width);
+        let chance = sampler_one(roulette_seed(lit.numbers.seed, i));
+        let passed = past_volumes(origin, light.direction, light.distance, lit.width, chance);
         if passed <= 0.0 {
             continue;
         }

@@ -1,6 +1,7 @@
 //! Volumetric textures on the CPU: the light that a ray meets in them, and what of a light passes them. Twin:
 //! `volumes.wgsl`.
 
+use crate::cpu::direct_light::roulette_seed;
 use crate::cpu::path::{Numbers, Path, PathVertex, roulette};
 use crate::cpu::shader::{FAR, MIN_LIGHT_DISTANCE2, Shader};
 use crate::geometry::bvh::{AnyHit, NO_HIT};
@@ -8,7 +9,7 @@ use crate::light::irradiance_volume::radiance_from;
 use crate::options::RenderMode;
 use crate::picture::PixelHit;
 use crate::sampler;
-use crate::volume::light::{AROUND_ROUGHNESS, VolumePoint, asks_anew};
+use crate::volume::light::{AROUND_ROUGHNESS, LightRay, VolumePoint, asks_anew};
 use crate::volume::volumes::Volumes;
 use glam::{Vec3, Vec4};
 use std::f32::consts::{PI, TAU};
@@ -49,6 +50,9 @@ pub(crate) enum AfterVolumes {
 
 /// Places along a ray that hide a part of the pixel together.
 struct NearPoints {
+    seed: u32,
+    /// Numbers that the places have drawn.
+    draws: u32,
     /// Share of the pixel that the places hide together, 0 to 1.
     weight: f32,
     points: Vec<VolumePoint>,
@@ -106,12 +110,10 @@ fn reflected_bounce(volumes: &Volumes, point: &VolumePoint, light: &[Vec4; 3], a
 }
 
 impl Shader<'_> {
-    /// Returns the share of light that passes the scene's volumes on the way from a surface.
-    pub(crate) fn past_volumes(&self, origin: Vec3, direction: Vec3, distance: f32, width: f32) -> f32 {
+    /// Returns the share of light that passes the scene's volumes on the way from a surface, in the mean over `chance`.
+    pub(crate) fn past_volumes(&self, ray: &LightRay, chance: f32) -> f32 {
         match &self.scene.volumes {
-            Some(volumes) if distance > 0.0 => {
-                (-volumes.depth(origin, direction, distance, &self.lod_transition, width)).exp()
-            }
+            Some(volumes) if ray.t_max > 0.0 => volumes.light_share(ray, &self.lod_transition, 1.0, chance),
             _ => 1.0,
         }
     }
@@ -133,8 +135,8 @@ impl Shader<'_> {
             VolumeSource { towards: sun.sun_sample(sun_at), distance: FAR, incident: Vec3::from(sun.irradiance) / PI }
         });
         let mut radiance = Vec3::ZERO;
-        let mut near = NearPoints { weight: 0.0, points: Vec::new(), lit: Vec::new() };
-        let (mut total, mut chosen, mut draws) = (0.0, None, 0u32);
+        let mut near = NearPoints { seed, draws: 0, weight: 0.0, points: Vec::new(), lit: Vec::new() };
+        let (mut total, mut chosen) = (0.0, None);
         // What the air before the places hides of them.
         let mut hazed = Vec3::ZERO;
         let transmittance = volumes.march(
@@ -150,9 +152,10 @@ impl Shader<'_> {
                 let position = path.origin + path.direction * point.t;
                 let passed = self.air_passed(path, point.t);
                 hazed += point.weight * (1.0 - passed);
+                let first_draw = near.draws;
                 // Whether a place that counts `weight` of `sum` is the one that is drawn.
                 let is_drawn = |draw: u32, weight: f32, sum: f32| {
-                    sampler::one(seed.wrapping_add(draws).wrapping_add(draw)) * sum < weight
+                    sampler::one(seed.wrapping_add(first_draw).wrapping_add(draw)) * sum < weight
                 };
                 near.lit.resize(self.scene.lights.len() + 1, NearLight::default());
                 for (light, lit) in self.lights_at(position, sun).zip(&mut near.lit) {
@@ -171,7 +174,7 @@ impl Shader<'_> {
                 if is_drawn(2, point.weight, total) {
                     chosen = Some(point);
                 }
-                draws += 2;
+                near.draws += 2;
             },
         );
         radiance += self.shadowed_light(volumes, path, sun, &mut near, done);
@@ -179,9 +182,9 @@ impl Shader<'_> {
             && let Some((light, reflected)) = self.draw_surroundings(volumes, point, sky_at, seed)
         {
             done.rays += 1;
-            let passed =
-                self.air_passed(path, point.t) * self.light_passed(&self.met_point(volumes, path, point), &light);
-            radiance += total * passed * reflected;
+            let chance = sampler::one(roulette_seed(seed, self.scene.lights.len() + 1));
+            let passed = self.light_passed(&self.met_point(volumes, path, point), &light, chance);
+            radiance += total * self.air_passed(path, point.t) * passed * reflected;
         }
         if let (Some(point), Some(cached)) = (&chosen, self.irradiance_volume) {
             let light = cached.at(path.origin + path.direction * point.t);
@@ -210,7 +213,10 @@ impl Shader<'_> {
             if unshadowed.max_element() > 0.0 {
                 done.rays += 1;
                 let met = self.met_point(volumes, path, &near.points[drawn as usize]);
-                sum += unshadowed * self.light_passed(&met, &self.light_at(number, met.position, sun));
+                // Of all sources the sun is the first.
+                let source = (number + 1) % (self.scene.lights.len() + 1);
+                let chance = sampler::one(roulette_seed(near.seed.wrapping_add(near.draws), source));
+                sum += unshadowed * self.light_passed(&met, &self.light_at(number, met.position, sun), chance);
             }
         }
         near.points.clear();
@@ -224,16 +230,17 @@ impl Shader<'_> {
         MetPoint { volumes, point, direction: path.direction, position, width }
     }
 
-    /// Returns the share of a light that reaches a place within a volume and is seen from where the path's ray begins.
-    fn light_passed(&self, met: &MetPoint, light: &VolumeSource) -> f32 {
+    /// Returns the share of a light that reaches a place within a volume and is seen from where the path's ray begins, in the mean over
+    /// `chance`.
+    fn light_passed(&self, met: &MetPoint, light: &VolumeSource, chance: f32) -> f32 {
         let MetPoint { volumes, point, direction, position, width } = *met;
         let origin = position + point.shadow_offset(volumes, light.towards);
         if self.trace(origin, light.towards, light.distance, AnyHit::Yes).primitive != NO_HIT {
             return 0.0;
         }
         let shared = point.shared(volumes, (-direction).dot(light.towards));
-        let depth = volumes.depth(origin, light.towards, light.distance, &self.lod_transition, width);
-        (-(1.0 - shared) * depth).exp()
+        let ray = LightRay { origin, direction: light.towards, t_max: light.distance, width };
+        volumes.light_share(&ray, &self.lod_transition, 1.0 - shared, chance)
     }
 
     /// Iterates over the scene's lights as a place meets them, then over `sun`; a light that is too near gives none.

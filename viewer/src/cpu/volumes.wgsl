@@ -61,12 +61,12 @@ fn reflected_bounce(point: VolumePoint, light: CachedLight, given: array<vec3<f3
     return sum * (4.0 / 6.0);
 }
 
-// Returns the share of light that passes the scene's meshes and volumes on the way from a surface.
-fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f32) -> f32 {
+// Returns the share of light that passes the scene's meshes and volumes on the way from a surface, in the mean over `chance`.
+fn past_volumes(origin: vec3<f32>, direction: vec3<f32>, distance: f32, width: f32, chance: f32) -> f32 {
     if distance <= 0.0 {
         return 1.0;
     }
-    return exp(-volume_depth(origin, direction, distance, width));
+    return volume_passed(volume_depth(origin, direction, distance, width, volume_most_depth(1.0, chance)), 1.0);
 }
 
 // Where a ray is among volumes.
@@ -162,10 +162,12 @@ fn volume_march(
     var level = 0u;
     var clumping = 1.0;
     var walk: VoltexWalk;
-    // While a ray to the light is followed: where the path's ray is, and the optical depth so far.
+    // While a ray to the light is followed: where the path's ray is, the optical depth so far, what that counts, and where the ray ends.
     var to_light = false;
     var kept: VolumeWay;
     var optical_depth = 0.0;
+    var factor = 0.0;
+    var most_depth = 0.0;
     loop {
         if waits && (*near).weight <= VOLUME_SHADOW_STEP {
             waits = false;
@@ -179,6 +181,8 @@ fn volume_march(
                 let origin = path.origin + path.direction * (*near).drawn.t + volume_shadow_offset((*near).drawn, towards);
                 to_light = true;
                 optical_depth = 0.0;
+                factor = 1.0 - volume_shared((*near).drawn, -dot(path.direction, towards));
+                most_depth = volume_most_depth(factor, sampler_one(roulette_seed((*near).seed + (*near).draws, (*near).source)));
                 kept = VolumeWay(stretches, stretch, level, clumping, walk);
                 stretches = volume_stretches_in_turn(origin, towards, (*near).light.distance);
                 walk.t_end = walk.t;
@@ -210,7 +214,7 @@ fn volume_march(
                 continue;
             }
             optical_depth += sigma * way;
-            if optical_depth <= VOLUME_MAX_DEPTH {
+            if optical_depth <= most_depth {
                 continue;
             }
             optical_depth = VOLUME_BLACK;
@@ -231,7 +235,7 @@ fn volume_march(
             optical_depth = select(optical_depth, VOLUME_BLACK, stretches.entries.is_hidden);
         }
         // The ray to the light has ended.
-        (*met).radiance += volume_shadowed_light(path, near, optical_depth);
+        (*met).radiance += volume_shadowed_light(near, optical_depth, factor);
         if is_last {
             break;
         }
@@ -273,9 +277,8 @@ fn volume_gather(path: Path, point: VolumePoint, sun: VolumeSource, near: ptr<fu
 }
 
 // Returns the light of the places that were gathered, through what one of them is shadowed by, and forgets the places.
-fn volume_shadowed_light(path: Path, near: ptr<function, NearPoints>, optical_depth: f32) -> vec3<f32> {
-    let both_see = volume_shared((*near).drawn, -dot(path.direction, (*near).light.towards));
-    let radiance = (*near).unshadowed * exp(-(1.0 - both_see) * optical_depth);
+fn volume_shadowed_light(near: ptr<function, NearPoints>, optical_depth: f32, factor: f32) -> vec3<f32> {
+    let radiance = (*near).unshadowed * volume_passed(optical_depth, factor);
     (*near).weight = 0.0;
     (*near).unshadowed = vec3<f32>(0.0);
     return radiance;

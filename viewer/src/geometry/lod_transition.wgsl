@@ -5,6 +5,8 @@
 const MESH_PIXELS: f32 = 2.0;
 // A leaf that is so many pixels wide is a volume's.
 const VOLUME_PIXELS: f32 = 0.5;
+// Factor by which the shells of skins lie farther beside their place for rays to lights than for those of the eye.
+const COARSER_TO_LIGHT: f32 = 3.0;
 // Stream of the sampler from which radii are drawn.
 const LOD_TRANSITION_STREAM: u32 = 0x5bd1e995u;
 // Steps of the R2 sequence [Roberts 2018] in fractions of 2^32: radii of neighbouring pixels are far from each other.
@@ -18,6 +20,8 @@ struct LodTransition {
     radius_widths: f32,
     // The number, from 0 to below 1, by which a level of a volume is taken of the two between which a width lies.
     level_share: f32,
+    // The factor on the radius of the spheres beyond which a coarser shell of a skin is taken.
+    shell_factor: f32,
 }
 
 // Where a ray is within the spheres about the eye.
@@ -26,6 +30,7 @@ struct SpheresAlong {
     nearest: f32,
     apart2: f32,
     radius_widths: f32,
+    shell_factor: f32,
 }
 
 // Whether the scene hands anything over.
@@ -37,7 +42,7 @@ var<private> lod_transition: LodTransition;
 // lies from the inner sphere to the outer one. Of volumes it has the nearest level.
 fn lod_transition_new(eye: vec3<f32>, pixel_width: f32, share: f32) -> LodTransition {
     let leaf_pixels = MESH_PIXELS * pow(VOLUME_PIXELS / MESH_PIXELS, share);
-    return LodTransition(eye, 1.0 / (leaf_pixels * pixel_width), 0.5);
+    return LodTransition(eye, 1.0 / (leaf_pixels * pixel_width), 0.5, 1.0);
 }
 
 // Draws the transition of a sample of a pixel.
@@ -50,12 +55,19 @@ fn lod_transition_of_path(eye: vec3<f32>, pixel_width: f32, pixel: vec2<u32>, sa
     return transition;
 }
 
+// Returns the transition for a ray that may be one to a light: that with shells that may lie some pixels beside their place.
+fn lod_transition_to_light(own: LodTransition, to_light: bool) -> LodTransition {
+    var for_ray = own;
+    for_ray.shell_factor = select(1.0, 1.0 / COARSER_TO_LIGHT, to_light);
+    return for_ray;
+}
+
 // Returns where a ray of unit direction lies within the spheres.
 fn lod_transition_along(own: LodTransition, origin: vec3<f32>, direction: vec3<f32>) -> SpheresAlong {
     let to_eye = own.eye - origin;
     let nearest = dot(to_eye, direction);
     let apart = to_eye - nearest * direction;
-    return SpheresAlong(nearest, dot(apart, apart), own.radius_widths);
+    return SpheresAlong(nearest, dot(apart, apart), own.radius_widths, own.shell_factor);
 }
 
 // Returns from where to where along the ray a mesh exists whose leaves are so wide; the whole ray for width 0, which no
@@ -73,21 +85,21 @@ fn lod_transition_mesh(spheres: SpheresAlong, leaf_width: f32) -> vec2<f32> {
     return vec2<f32>(spheres.nearest - half, spheres.nearest + half);
 }
 
-// Tells whether the place at `t` is beyond the sphere of one width and within that of another; 0 is no sphere.
+// Tells whether the place at `t` is beyond the sphere of one shell's width and within that of another; 0 is no sphere.
 fn lod_transition_is_between(spheres: SpheresAlong, inner_width: f32, outer_width: f32, t: f32) -> bool {
     let along = t - spheres.nearest;
     let distance2 = spheres.apart2 + along * along;
-    let inner = inner_width * spheres.radius_widths;
-    let outer = outer_width * spheres.radius_widths;
+    let inner = inner_width * spheres.shell_factor * spheres.radius_widths;
+    let outer = outer_width * spheres.shell_factor * spheres.radius_widths;
     return (inner_width <= 0.0 || distance2 >= inner * inner) && (outer_width <= 0.0 || distance2 < outer * outer);
 }
 
-// Returns from where to where along the ray, from `first` on, places lie beyond the sphere of one width and within that of another, 0
+// Returns from where to where along the ray, from `first` on, places lie beyond the sphere of one shell's width and within that of another, 0
 // being no sphere; some between may not. The end lies before the begin where none do.
 fn lod_transition_range_between(spheres: SpheresAlong, inner_width: f32, outer_width: f32, first: f32) -> vec2<f32> {
-    let outer = lod_transition_mesh(spheres, outer_width);
+    let outer = lod_transition_mesh(spheres, outer_width * spheres.shell_factor);
     let begin = max(outer.x, first);
-    let inner = select(vec2<f32>(0.0), lod_transition_mesh(spheres, inner_width), inner_width > 0.0);
+    let inner = select(vec2<f32>(0.0), lod_transition_mesh(spheres, inner_width * spheres.shell_factor), inner_width > 0.0);
     return vec2<f32>(select(begin, inner.y, inner.x <= begin && begin < inner.y), outer.y);
 }
 

@@ -5,7 +5,7 @@ use crate::cpu::{direct_light, shader, volumes};
 use crate::geometry::bvh::{AnyHit, NO_HIT, NO_INSTANCE, STACK};
 use crate::geometry::bvh_node::BvhNode;
 use crate::geometry::geometry::{Instance, Triangle, Vertex};
-use crate::geometry::lod_transition::{self, MESH_PIXELS, VOLUME_PIXELS};
+use crate::geometry::lod_transition::{self, COARSER_TO_LIGHT, MESH_PIXELS, VOLUME_PIXELS};
 use crate::gpu::acceleration_structure::{MESHES, PROXIES, WITH_VOLUMES};
 use crate::gpu::backend::GpuTracer;
 use crate::gpu::frame::{GpuFrame, GpuLight, GpuMaterial, GpuPath, GpuPixel, MAX_MATERIALS, NO_ASSET};
@@ -288,6 +288,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
         ("ENVIRONMENT_CHOICE", direct_light::ENVIRONMENT_CHOICE),
         ("LOBE_CHOICE", direct_light::LOBE_CHOICE),
         ("SIDE_CHOICE", direct_light::SIDE_CHOICE),
+        ("ROULETTE_CHANCE", direct_light::ROULETTE_CHANCE),
         ("LIGHT_GRID_HEAD", LIGHT_GRID_HEAD as u32),
         ("LIGHT_CANDIDATES", LIGHT_CANDIDATES as u32),
         ("IRRADIANCE_VOLUME_HEAD", IRRADIANCE_VOLUME_HEAD as u32),
@@ -317,6 +318,7 @@ fn twin_constants() -> Vec<(&'static str, naga::Literal)> {
     ];
     let numbers = [
         ("MESH_PIXELS", MESH_PIXELS),
+        ("COARSER_TO_LIGHT", COARSER_TO_LIGHT),
         ("VOLUME_PIXELS", VOLUME_PIXELS),
         ("ENVIRONMENT_PI", PI),
         ("ENVIRONMENT_TAU", TAU),

@@ -8,8 +8,13 @@ use glam::{Mat3, Vec3};
 
 /// Transmittance below which a ray ends.
 const END: f32 = 1.0 / 255.0;
-/// Optical depth beyond which a ray to a light ends.
+/// Optical depth beyond which a ray ends that counts all of it.
 const MAX_DEPTH: f32 = 7.824_046;
+/// Share of light that counts as none: a ray to a light ends there at the latest.
+const LEAST_PASSED: f32 = 4e-4;
+/// Share of light below which a ray to a light goes on by chance, as likely as what is left of the share, and then counts that share:
+/// the mean is the same. Rays end where next to nothing passes, for no noise that is seen.
+const ROULETTE: f32 = 0.3;
 /// Least share of a pixel that a segment must hide to count: less may be there or not by rounding.
 const MIN_OPACITY: f32 = 1e-5;
 /// Share of a pixel that must be hidden before light is asked for anew. 1/16 takes twice as long, for 2 % less noise of a lawn's picture.
@@ -21,11 +26,25 @@ pub(crate) const AROUND_ROUGHNESS: f32 = 0.7;
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("VOLUME_END", END),
-    ("VOLUME_MAX_DEPTH", MAX_DEPTH),
+    ("VOLUME_LEAST_PASSED", LEAST_PASSED),
+    ("VOLUME_ROULETTE", ROULETTE),
     ("VOLUME_MIN_OPACITY", MIN_OPACITY),
     ("VOLUME_SHADOW_STEP", SHADOW_STEP),
     ("VOLUME_AROUND_ROUGHNESS", AROUND_ROUGHNESS),
 ];
+
+/// A ray to a light.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LightRay {
+    /// Where it begins.
+    pub origin: Vec3,
+    /// Unit direction to the light.
+    pub direction: Vec3,
+    /// Distance of the light.
+    pub t_max: f32,
+    /// Width of voxels that it sees.
+    pub width: f32,
+}
 
 /// The content of a volume that a ray meets at one place.
 #[derive(Debug, Clone, Copy)]
@@ -173,8 +192,20 @@ impl Volumes {
         through
     }
 
+    /// Returns the share of a light that passes along a ray to it, in the mean over `chance` from 0 to below 1, where optical depths
+    /// count `factor`.
+    pub(crate) fn light_share(&self, ray: &LightRay, lod_transition: &LodTransition, factor: f32, chance: f32) -> f32 {
+        passed(self.depth_within(ray, &lod_transition.to_light(), most_depth(factor, chance)), factor)
+    }
+
     /// Returns the optical depth along a ray, through voxels `width` wide.
     pub fn depth(&self, origin: Vec3, direction: Vec3, t_max: f32, lod_transition: &LodTransition, width: f32) -> f32 {
+        self.depth_within(&LightRay { origin, direction, t_max, width }, lod_transition, MAX_DEPTH)
+    }
+
+    /// Returns the optical depth along a ray; infinity where that is more than `most`.
+    fn depth_within(&self, ray: &LightRay, lod_transition: &LodTransition, most: f32) -> f32 {
+        let LightRay { origin, direction, t_max, width } = *ray;
         let mut sum = 0.0;
         for stretch in self.stretches_in_turn(origin, direction, t_max, lod_transition).beyond_mesh() {
             let voltex = self.volume(stretch.volume);
@@ -185,13 +216,24 @@ impl Volumes {
             while let Some(segment) = walk.next(voltex, level) {
                 let along = clumping_met(voltex, level, clumping, level_met(level, &segment.cell), d);
                 sum += along * voltex.extinction_along(segment.cell.voxel, d) * (segment.t1 - segment.t0);
-                if sum > MAX_DEPTH {
+                if sum > most {
                     return f32::INFINITY;
                 }
             }
         }
         sum
     }
+}
+
+/// Returns the optical depth beyond which a ray to a light ends, where depths count `factor`.
+fn most_depth(factor: f32, chance: f32) -> f32 {
+    -(ROULETTE * chance).max(LEAST_PASSED).ln() / factor.max(1e-6)
+}
+
+/// Returns the share of a light that passes so great a depth, where depths count `factor`; in the mean over the chance that said how
+/// far the ray goes.
+fn passed(depth: f32, factor: f32) -> f32 {
+    if depth < f32::INFINITY { (-factor * depth).exp().max(ROULETTE) } else { 0.0 }
 }
 
 /// Returns whether light must be asked for anew, after so much was hidden since it last was.
@@ -342,6 +384,32 @@ mod tests {
             assert!(far(-through.max(1e-9).ln(), found) < 6e-3);
         }
         assert!(counts.iter().all(|count| *count > 20), "{counts:?}");
+    }
+
+    #[test]
+    fn a_ray_to_a_light_that_ends_by_chance_passes_as_much_in_the_mean_and_goes_less_far() {
+        let volumes = alone(&voltex(5), Mat4::from_scale(Vec3::splat(3.0)));
+        const CHANCES: usize = 4000;
+        let mut random = Random::new(12);
+        let mut dark = 0;
+        for _ in 0..60 {
+            let from = Vec3::splat(1.5) + direction(&mut random) * 3.0;
+            let towards = (Vec3::splat(1.5) + direction(&mut random) - from).normalize();
+            let ray = LightRay { origin: from, direction: towards, t_max: 1e30, width: 0.0 };
+            let factor = random.within(0.2, 6.0);
+            let share = |chance| volumes.light_share(&ray, &LodTransition::MESHES, factor, chance);
+            let shares: Vec<f32> = (0..CHANCES).map(|i| share((i as f32 + 0.5) / CHANCES as f32)).collect();
+            let whole = (-factor * depth(&volumes, from, towards)).exp();
+            let mean = shares.iter().sum::<f32>() / CHANCES as f32;
+            assert!((mean - whole).abs() < 1e-3, "{mean} {whole}");
+            assert!(shares.iter().all(|share| *share == 0.0 || *share >= ROULETTE));
+            // Planted: what ends at the share itself would be too dark.
+            let ended = if whole < ROULETTE { 0.0 } else { whole };
+            dark += usize::from(whole > 0.01 && (ended - whole).abs() > 1e-3);
+        }
+        assert!(dark > 5, "{dark}");
+        // No ray goes on for less light than can be seen, and few where it is dark.
+        assert!(most_depth(1.0, 0.0) < 8.0 && most_depth(2.0, 0.5) < 1.0);
     }
 
     #[test]

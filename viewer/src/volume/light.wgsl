@@ -3,8 +3,10 @@
 
 // Transmittance below which a ray ends.
 const VOLUME_END: f32 = 0.003921569;
-// Optical depth beyond which a ray to a light does.
-const VOLUME_MAX_DEPTH: f32 = 7.824046;
+// Share of light that counts as none: a ray to a light ends there at the latest.
+const VOLUME_LEAST_PASSED: f32 = 4e-4;
+// Share of light below which a ray to a light goes on by chance, as likely as what is left of the share, and then counts that share.
+const VOLUME_ROULETTE: f32 = 0.3;
 // What hides less of a pixel is left out: it may be there or not by rounding.
 const VOLUME_MIN_OPACITY: f32 = 1e-5;
 // Optical depth of what is darker: the twin's infinity.
@@ -132,8 +134,9 @@ fn volume_walk_of(stretch: Stretch) -> VoltexWalk {
     return voltex_walk_new(stretch.volume, stretch.origin, stretch.direction, t0, stretch.t1 - stretch.start);
 }
 
-// Returns the optical depth along a ray, as far as it matters for a pixel `width` wide; of meshes too.
-fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32) -> f32 {
+// Returns the optical depth along a ray to a light, through voxels `width` wide, of meshes too; VOLUME_BLACK where it is more than
+// `most`.
+fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32, most: f32) -> f32 {
     var sum = 0.0;
     var open: array<Passage, PASSAGE_SLOTS>;
     var stretches = volume_stretches_in_turn(origin, direction, t_max);
@@ -152,10 +155,21 @@ fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32)
             let along = volume_clumping_met(stretch.volume, level, clumping, met, stretch.direction);
             let sigma = along * voltex_extinction_along(stretch.volume, segment.cell.voxel, stretch.direction);
             sum += sigma * (segment.t1 - segment.t0);
-            if sum > VOLUME_MAX_DEPTH {
+            if sum > most {
                 return VOLUME_BLACK;
             }
         }
     }
     return VOLUME_BLACK;
+}
+
+// Returns the optical depth beyond which a ray to a light ends, where depths count `factor`.
+fn volume_most_depth(factor: f32, chance: f32) -> f32 {
+    return -log(max(VOLUME_ROULETTE * chance, VOLUME_LEAST_PASSED)) / max(factor, 1e-6);
+}
+
+// Returns the share of a light that passes so great a depth, where depths count `factor`; in the mean over the chance that said how
+// far the ray goes.
+fn volume_passed(depth: f32, factor: f32) -> f32 {
+    return select(0.0, max(exp(-factor * depth), VOLUME_ROULETTE), depth < VOLUME_BLACK);
 }

@@ -58,6 +58,8 @@ struct Entries {
     // Meshes come first: any one of them hides everything.
     asks_meshes: bool,
     is_hidden: bool,
+    // Whether the ray is one to a light.
+    to_light: bool,
 }
 
 // A ray among volumes that may overlap. It enters no further one before it has left one of those that it is in at once.
@@ -78,7 +80,7 @@ struct Stretches {
 
 // Returns the stretches of a ray between 0 and `t_max`, in the order in which they begin.
 fn volume_stretches(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Stretches {
-    let entries = Entries(origin, t_max, direction, -frame.volume_reach, false, false);
+    let entries = Entries(origin, t_max, direction, -frame.volume_reach, false, false, false);
     return Stretches(entries, Hit(), false, 0u, MAX_PASSAGES, vec4<f32>(VOLTEX_FAR), vec2<f32>(0.0));
 }
 
@@ -86,6 +88,7 @@ fn volume_stretches(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Stre
 fn volume_stretches_in_turn(origin: vec3<f32>, direction: vec3<f32>, t_max: f32) -> Stretches {
     var stretches = volume_stretches(origin, direction, t_max);
     stretches.entries.asks_meshes = true;
+    stretches.entries.to_light = true;
     stretches.slot = MAX_PASSAGES;
     stretches.count = 1u;
     return stretches;
@@ -110,6 +113,7 @@ fn volume_find_entry(entries: ptr<function, Entries>) -> Hit {
     let from_t = select((*entries).from_t, 0.0, meshes);
     var hit = Hit(t_max, NO_HIT, 0.0, 0.0, 0u);
     if from_t < t_max {
+        lod_transition = lod_transition_to_light(lod_transition, (*entries).to_light);
         hit = trace_any_or_front(meshes, origin, direction, from_t, t_max);
     }
     if meshes {
