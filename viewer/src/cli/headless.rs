@@ -1,5 +1,6 @@
 //! Renders pictures into files, without a window.
 
+use super::lod_transition::TransitionReport;
 use super::progress::with_progress;
 use super::report::write_json;
 use super::scene_options::PictureArguments;
@@ -9,13 +10,24 @@ use std::path::{Path, PathBuf};
 /// Pictures per second of a sequence, where `--fps` is not given.
 const USUAL_FPS: f32 = 25.0;
 
-/// Figures of a picture, and of the landscape that it shows; the keys of `--json`.
+/// What is told of the scene of a picture; keys of `--json`.
+#[derive(Clone, serde::Serialize)]
+pub(super) struct SceneReport {
+    /// Counts of a landscape.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub landscape: Option<LandscapeCounts>,
+    /// Where meshes pass into volumes, where these stand in for them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lod_transition: Option<TransitionReport>,
+}
+
+/// Figures of a picture, and of the scene that it shows; the keys of `--json`.
 #[derive(serde::Serialize)]
 struct PictureReport {
     #[serde(flatten)]
     picture: RenderReport,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    landscape: Option<LandscapeCounts>,
+    #[serde(flatten)]
+    scene: SceneReport,
 }
 
 /// Renders one picture, a turntable or a sequence, writes the files and reports the figures.
@@ -27,7 +39,7 @@ pub(super) fn write_pictures(
     scene: &Scene,
     params: RenderParams,
     out: &Path,
-    counts: Option<LandscapeCounts>,
+    told: SceneReport,
 ) -> Result<(), ViewerError> {
     let quiet = arguments.render.quiet;
     let mut reports = Vec::new();
@@ -49,7 +61,7 @@ pub(super) fn write_pictures(
             if let Some(motion) = &rendered.motion {
                 motion.write(&motion_path(&path))?;
             }
-            reports.push((path, PictureReport { picture: rendered.report, landscape: counts.clone() }));
+            reports.push((path, PictureReport { picture: rendered.report, scene: told.clone() }));
             Ok(())
         })
     })?;
@@ -57,15 +69,18 @@ pub(super) fn write_pictures(
         (path @ Some(_), [(_, report)]) if !several => write_json(path, report)?,
         (path @ Some(_), all) => write_json(path, &all.iter().map(|(_, report)| report).collect::<Vec<_>>())?,
         (None, _) if quiet => {}
-        (None, _) => print_pictures(&reports, counts.as_ref()),
+        (None, _) => print_pictures(&reports, &told),
     }
     Ok(())
 }
 
-/// Prints a line for each picture that was written, after the counts of the landscape.
-fn print_pictures(reports: &[(PathBuf, PictureReport)], counts: Option<&LandscapeCounts>) {
-    if let Some(counts) = counts {
+/// Prints a line for each picture that was written, after what is told of the scene.
+fn print_pictures(reports: &[(PathBuf, PictureReport)], told: &SceneReport) {
+    if let Some(counts) = &told.landscape {
         println!("{counts}");
+    }
+    if let Some(transition) = &told.lod_transition {
+        print!("{transition}");
     }
     for (path, PictureReport { picture: report, .. }) in reports {
         println!(

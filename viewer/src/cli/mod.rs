@@ -6,6 +6,7 @@ mod bench;
 mod gpu_bench;
 mod headless;
 mod landscape;
+mod lod_transition;
 mod measure;
 mod parse;
 mod plan;

@@ -33,6 +33,25 @@ pub(super) fn parse_positive(text: &str) -> Result<f32, String> {
         .ok_or_else(|| "it is a number above 0, as in 0.5".into())
 }
 
+/// Where meshes pass into volumes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Transition {
+    /// Where it costs least, as measured.
+    Auto,
+    /// Where leaves are so wide, pixels.
+    Pixels(f32),
+}
+
+pub(super) fn parse_transition(text: &str) -> Result<Transition, String> {
+    if text == "auto" {
+        return Ok(Transition::Auto);
+    }
+    let [least, most] = btf_viewer::TRANSITION_PIXELS;
+    text.parse().ok().filter(|pixels| (least..=most).contains(pixels)).map(Transition::Pixels).ok_or_else(|| {
+        format!("it is a number of pixels from {least} (meshes alone) to {most} (volumes alone), or auto")
+    })
+}
+
 pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "it is a number of seconds, as in 2.5".into())
 }
@@ -48,6 +67,13 @@ pub(super) fn parse_scale_of_heights(text: &str) -> Result<f32, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_transition_is_a_width_or_measured() {
+        assert_eq!(parse_transition("0.5"), Ok(Transition::Pixels(0.5)));
+        assert_eq!(parse_transition("auto"), Ok(Transition::Auto));
+        assert!(["0", "-1", "nan", "2000", "AUTO", ""].iter().all(|text| parse_transition(text).is_err()));
+    }
 
     #[test]
     fn sizes_and_scales_are_checked() {

@@ -1,6 +1,6 @@
 //! The options about lights, camera and exposure, and the scene that follows them.
 
-use super::parse::{parse_positive, parse_seconds, parse_size};
+use super::parse::{Transition, parse_positive, parse_seconds, parse_size, parse_transition};
 use super::render_arguments::RenderArguments;
 use btf_capture::{Illuminant, Observer, shown_weights};
 use btf_viewer::{Ambient, Daylight, DaylightParts, Environment, Outdoors, Scene, ViewerError};
@@ -79,6 +79,10 @@ pub(super) struct PictureArguments {
     /// Frames to average: each adds a sample per pixel, the first through its middle
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) frames: u32,
+    /// Width in pixels of leaves at which meshes pass into the volumes that stand in for them, or auto: where that costs least
+    /// time for the same noise, as measured at first [default: 1]
+    #[arg(long, value_name = "PIXELS|auto", value_parser = parse_transition)]
+    pub(super) lod_transition: Option<Transition>,
     /// Filters noise out of the picture, which needs two frames at least
     #[arg(long, requires = "headless", conflicts_with = "bands")]
     pub(super) denoise: bool,

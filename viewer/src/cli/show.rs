@@ -1,7 +1,8 @@
 //! Shows a scene: in a window, or as pictures in files.
 
 use super::band_picture::write_bands;
-use super::headless::write_pictures;
+use super::headless::{SceneReport, write_pictures};
+use super::lod_transition::choose_transition;
 use super::scene_options::{PictureArguments, see_scene};
 use btf_viewer::{LandscapeCounts, RenderParams, Scene, SceneAsset, ViewerError, WindowParams, run_window};
 use std::sync::Arc;
@@ -30,24 +31,24 @@ pub(super) fn show(
     see_scene(&mut scene, arguments)?;
     render.pack(&mut scene.assets)?;
     scene.blow(arguments.time.unwrap_or(0.0))?;
+    let params = RenderParams {
+        size: arguments.size.unwrap_or([512, 512]),
+        frames: arguments.frames,
+        backend,
+        adapter: adapter.clone(),
+        shade,
+        target_ms,
+        denoise: arguments.denoise,
+        motion: arguments.motion,
+        volume_budget_mb: render.volume_budget,
+    };
+    let lod_transition = choose_transition(&mut scene, arguments, &params)?;
     match &arguments.out {
         Some(out) => {
-            let size = arguments.size.unwrap_or([512, 512]);
-            let params = RenderParams {
-                size,
-                frames: arguments.frames,
-                backend,
-                adapter,
-                shade,
-                target_ms,
-                denoise: arguments.denoise,
-                motion: arguments.motion,
-                volume_budget_mb: render.volume_budget,
-            };
             if arguments.bands {
                 return write_bands(arguments, &mut scene, &params, out);
             }
-            write_pictures(arguments, &scene, params, out, counts)
+            write_pictures(arguments, &scene, params, out, SceneReport { landscape: counts, lod_transition })
         }
         None => {
             let (size, volume_budget_mb) = (arguments.size, render.volume_budget);

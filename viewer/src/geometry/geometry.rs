@@ -371,6 +371,11 @@ impl Geometry {
         }
     }
 
+    /// Multiplies the leaf widths of all instances that volumes stand in for.
+    pub(crate) fn scale_leaf_widths(&mut self, factor: f32) {
+        self.instances.iter_mut().for_each(|instance| instance.leaf_width *= factor);
+    }
+
     /// Returns the greatest leaf width of all instances that volumes stand in for, in the world; 0 where there are
     /// none.
     pub fn widest_leaf(&self) -> f32 {

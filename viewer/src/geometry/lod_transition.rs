@@ -17,7 +17,7 @@ pub const MESH_PIXELS: f32 = 2.0;
 /// light the two differ in brightness by up to 15 %, which is 2 % for each quarter of an octave.
 pub const VOLUME_PIXELS: f32 = 0.5;
 /// Factor by which the shells of skins lie farther beside their place for rays to lights than for those of the eye: one level
-/// coarser. All rays of a lawn from afar take a quarter less time for it, at 0.1 % of its brightness.
+/// coarser.
 pub(crate) const COARSER_TO_LIGHT: f32 = 3.0;
 /// Stream of the sampler from which radii are drawn.
 pub(crate) const STREAM: u32 = 0x5bd1_e995;

@@ -311,6 +311,25 @@ impl Session {
         }
     }
 
+    /// Returns how long a GPU takes for a frame after the transitions between meshes and volumes have changed, milliseconds;
+    /// `None` where the CPU draws.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub(crate) fn frame_ms_after_change(
+        &mut self,
+        scene: &Scene,
+        params: &RenderParams,
+        control: &Control,
+    ) -> Result<Option<f64>, ViewerError> {
+        self.take_over_skins(scene)?;
+        let (Engine::Gpu(gpu, _), Some(tracer)) = (&self.engine, &mut self.tracer) else { return Ok(None) };
+        let params = RenderParams { frames: 1, denoise: false, target_ms: None, ..params.clone() };
+        let control = Control { progress: &|_| (), ..*control };
+        let (_, (frame_ms, ..)) = render_gpu(gpu, tracer, scene, &params, &control)?;
+        Ok(Some(frame_ms))
+    }
+
     /// Draws the scene, whose camera, lights and surroundings may have changed since [`Session::new`].
     ///
     /// # Errors

@@ -9,3 +9,4 @@ pub(crate) mod plan;
 mod plan_memory;
 #[cfg(not(target_arch = "wasm32"))]
 pub(crate) mod server;
+pub(crate) mod transition_cost;

@@ -452,6 +452,13 @@ impl Scene {
         Ok(())
     }
 
+    /// Multiplies the distances up to which meshes are seen as such for which volumes stand in. Without any it does nothing.
+    pub fn scale_transitions(&mut self, factor: f32) {
+        let Some(volumes) = &mut self.volumes else { return };
+        Arc::make_mut(volumes).scale_leaf_widths(factor);
+        Arc::make_mut(&mut self.geometry).scale_leaf_widths(factor);
+    }
+
     /// Puts `count` lights where the scene has them; their intensities add up to the same brightness whatever the
     /// count.
     pub fn place_lights(&mut self, count: usize) {

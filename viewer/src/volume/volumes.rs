@@ -210,6 +210,12 @@ impl Volumes {
         Ok(Volumes { volumes, sources, skins, stand_ins, proxies, kinds, reach_of_boxes, slice: SLICE * largest })
     }
 
+    /// Multiplies the widths of the leaves of all meshes that the volumes stand in for.
+    pub(crate) fn scale_leaf_widths(&mut self, factor: f32) {
+        self.skins.iter_mut().for_each(|skin| skin.leaf_width *= factor);
+        self.proxies.scale_leaf_widths(factor);
+    }
+
     /// Moves the skins to where a wind has them at a time, seconds. Cost: some noises a vertex of the skins, and a pass
     /// over their shells.
     ///
