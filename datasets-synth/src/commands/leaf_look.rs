@@ -47,6 +47,8 @@ pub(super) enum SpeciesName {
     Tree,
     /// Parallel veins, a narrow midrib
     Grass,
+    /// A shoot of a spruce: a twig with its needles, dark
+    Spruce,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -62,6 +64,7 @@ impl From<SpeciesName> for Species {
             SpeciesName::Soybean => Species::Soybean,
             SpeciesName::Tree => Species::Tree,
             SpeciesName::Grass => Species::Grass,
+            SpeciesName::Spruce => Species::Spruce,
         }
     }
 }

@@ -47,7 +47,7 @@ enum Command {
     Scatter(scatter::ScatterArgs),
     /// Photograph pebbled leather: grain, creases, pores and finish.
     Leather(leather::LeatherArgs),
-    /// Grow maize, soybean, trees or grass: meshes and instances as a glTF file, or a script of shapes.
+    /// Grow maize, soybean, trees, spruces or grass: meshes and instances as a glTF file, or a script of shapes.
     Plants(plants::PlantsArgs),
 }
 

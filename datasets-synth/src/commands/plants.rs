@@ -23,6 +23,7 @@ use super::run_args::RunArgs;
   btf-synth plants canopy.glb --triangles 8.6e6 --json -
   btf-synth plants young.glb --species soybean --stage 0.4 --plants 100
   btf-synth plants beech.glb --species tree --branches 2154 --leaves 6336
+  btf-synth plants spruce.glb --species spruce --branches 2154 --leaves 6336
   btf-synth plants lawn.glb --species grass --plants 1400
   btf-synth plants patch.shapes.toml --form shapes --species grass
   btf-synth plants pale.glb --leaf leaf.toml")]
@@ -41,7 +42,7 @@ pub struct PlantsArgs {
     #[arg(long, default_value_t = 1.0)]
     stage: f64,
     /// Mean leaf angle in degrees (5 to 85): maize from the stalk, grass from the vertical, others below the horizontal
-    /// [default: maize 35, soybean 30, tree 35, grass 20]
+    /// [default: maize 35, soybean 30, tree 35, grass 20, spruce 35]
     #[arg(long, value_name = "DEG")]
     leaf_angle_deg: Option<f64>,
     /// Maize: how its blades stand [default: spreading]
@@ -62,22 +63,22 @@ pub struct PlantsArgs {
     /// As many plants as bring the instanced triangles to this number, such as 8.6e6
     #[arg(long, value_parser = whole_number, conflicts_with = "rows", value_name = "N")]
     triangles: Option<u64>,
-    /// Distance between rows in mm [default: maize 750, soybean 500, tree 4000, grass 40]
+    /// Distance between rows in mm [default: maize 750, soybean 500, tree 4000, grass 40, spruce 2000]
     #[arg(long, value_name = "MM")]
     row_spacing_mm: Option<f64>,
-    /// Distance between plants in a row in mm [default: maize 180, soybean 80, tree 4000, grass 40]
+    /// Distance between plants in a row in mm [default: maize 180, soybean 80, tree 4000, grass 40, spruce 2000]
     #[arg(long, value_name = "MM")]
     spacing_mm: Option<f64>,
     /// Different plants; the others are instances of them
     #[arg(long, default_value_t = 8)]
     variants: usize,
-    /// Triangles of a blade (4 to 4000) [default: maize 200, soybean 40, tree 8, grass 14]
+    /// Triangles of a blade (4 to 4000) [default: maize 200, soybean 40, tree 8, grass 14, spruce 8]
     #[arg(long, value_name = "N")]
     detail: Option<usize>,
     /// Branches of a full-grown tree, its trunk among them [default: 2000]
     #[arg(long)]
     branches: Option<usize>,
-    /// Leaves of a full-grown tree [default: 6000]
+    /// Leaves of a full-grown tree, or shoots with needles of a spruce [default: 6000]
     #[arg(long)]
     leaves: Option<usize>,
     /// Blades of a patch of grass [default: 16]

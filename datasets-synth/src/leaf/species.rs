@@ -7,6 +7,7 @@
 //! | soybean | pinnate, fine reticulum |
 //! | tree | pinnate, strong secondaries, ladder tertiaries |
 //! | grass | parallel, narrow midrib: maize at a quarter of its lengths |
+//! | spruce | a shoot: its twig is the midrib, the gaps between its needles are secondaries |
 //! | none | pinnate, two Voronoi networks |
 //!
 //! Where the numbers come from: lengths are the usual sizes of such leaves within a tenth or so (maize: laterals 1 to 2
@@ -282,6 +283,50 @@ const GRASS: Traits = Traits {
     tissue: MAIZE.tissue,
 };
 
+/// Shoot of a spruce from above: a bare twig, and needles at 50 degrees to it, 1 to 1.5 mm from each other, with gaps between
+/// them that lie deep in the shade of the needles below.
+const SPRUCE: Traits = Traits {
+    venation: VenationTraits::Pinnate(PinnateTraits {
+        main_half_width_mm: 1.0,
+        main_taper_per_mm: 0.006,
+        secondary_half_width_mm: 0.22,
+        secondary_length_mm: 60.0,
+        secondary_share_of_patch: 1.0,
+        secondary_spacing_mm: 1.3,
+        secondary_angles_deg: [52.0, 44.0],
+        secondary_angle_jitter: 0.08,
+        secondary_wave_deg: 0.0,
+        tertiary: TertiaryTraits::Network { cell_mm: 6.0 },
+        finest_cell_mm: 3.0,
+    }),
+    relief: ReliefTraits {
+        groove_mm: [0.30, 0.40, 0.0, 0.0],
+        ridge_mm: [0.45, -0.40, 0.0, 0.0],
+        groove_widths: [1.2, 1.6],
+        fine_half_widths_mm: [0.05, 0.04],
+        bulge_mm: 0.20,
+        bulge_reach_mm: 0.6,
+        axil_mm: 0.3,
+        areole_bulge_mm: 0.0,
+        areole_reach_mm: 0.3,
+        waves_mm: [(12.0, 0.10), (5.0, 0.04)],
+        bumps_mm: [(0.55, 0.004), (0.34, 0.003), (0.22, 0.002)],
+        abaxial_bumps: 1.0,
+        stretch: 1.0,
+    },
+    tissue: TissueTraits {
+        chlorophyll: [1.0, 1.0, 1.0, 0.12],
+        carotenoid: [1.0, 1.0, 1.0, 0.9],
+        brown: [1.0, 1.0, 1.0, 2.0],
+        gloss: [0.45, 0.45, 0.45, 0.6],
+        thickness: [1.0, 1.0, 1.3, 1.5],
+        fine_strength: [0.0, 0.0],
+        blade_gloss: 0.45,
+        abaxial_gloss: 0.8,
+        mottle: 0.8,
+    },
+};
+
 impl VenationTraits {
     /// Returns half the width of a secondary vein at its start.
     pub fn secondary_half_width_mm(&self) -> f32 {
@@ -301,6 +346,7 @@ impl Traits {
             Some(Species::Soybean) => SOYBEAN,
             Some(Species::Tree) => TREE,
             Some(Species::Grass) => GRASS,
+            Some(Species::Spruce) => SPRUCE,
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::error::SynthError;
 use crate::plants::mesh::{Mesh, meshes};
 use crate::plants::params::{CanopySize, Ground, MAX_PLANTS, MAX_UNIQUE_TRIANGLES, PlantsParams};
 use crate::plants::plant::{Part, Plant};
-use crate::plants::{grass, maize, soybean, tree};
+use crate::plants::{grass, maize, soybean, spruce, tree};
 
 /// Distance of plants from their regular places, as a share of the spacing.
 const SCATTER: f64 = 0.12;
@@ -73,6 +73,7 @@ pub(crate) fn plant(params: &PlantsParams, number: usize) -> Plant {
         Species::Soybean => soybean::grow(params, &mut random),
         Species::Tree => tree::grow(params, &mut random),
         Species::Grass => grass::grow(params, number, &mut random),
+        Species::Spruce => spruce::grow(params, &mut random),
     }
 }
 
@@ -339,6 +340,7 @@ mod tests {
             (Species::Maize, 2.0..2.8, 12..17, 0.4..0.8),
             (Species::Soybean, 0.7..1.1, 45..160, 0.12..0.4),
             (Species::Tree, 1.0..1.6, 500..501, 1.0..2.5),
+            (Species::Spruce, 0.9..1.3, 500..501, 0.8..1.0),
         ] {
             let grown = counts(species, 1.0);
             assert!(

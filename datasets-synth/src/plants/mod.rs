@@ -12,6 +12,7 @@ pub(crate) mod params;
 pub(crate) mod plant;
 pub(crate) mod script;
 pub(crate) mod soybean;
+pub(crate) mod spruce;
 pub(crate) mod tree;
 pub(crate) mod turtle;
 pub(crate) mod vec3;

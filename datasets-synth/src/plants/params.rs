@@ -72,7 +72,7 @@ pub struct PlantsParams {
     /// Growth from just emerged (0) to flowering, or to the full-grown tree (1).
     pub stage: f64,
     /// Mean leaf angle in degrees, 5 to 85. Maize: between stalk and midrib at the collar. Grass: between the vertical
-    /// and the blade's base. Others: between the horizontal and the blade.
+    /// and the blade's base. Others: between the horizontal and the blade or, of a spruce, the shoot.
     pub leaf_angle_deg: f64,
     /// How far the blades of maize bend, over what the plant's age and the blade's length make of it, 0 to 1.5.
     pub bend: f64,
@@ -88,7 +88,7 @@ pub struct PlantsParams {
     pub spacing_mm: f64,
     /// Number of branches of a full-grown tree, its trunk included, 1 to 100000.
     pub branches: usize,
-    /// Number of leaves of a full-grown tree, 1 to 1000000.
+    /// Number of leaves of a full-grown tree, of a spruce of its shoots, 1 to 1000000.
     pub leaves: usize,
     /// Number of blades of a patch of grass, 1 to 100000.
     pub blades: usize,
@@ -110,6 +110,7 @@ impl PlantsParams {
             Species::Soybean => (30.0, 40, 500.0, 80.0),
             Species::Tree => (35.0, 8, 4000.0, 4000.0),
             Species::Grass => (20.0, 14, 40.0, 40.0),
+            Species::Spruce => (35.0, 8, 2000.0, 2000.0),
         };
         PlantsParams {
             species,

@@ -20,6 +20,7 @@ use crate::plants::maize::BLADE_WIDTH_M;
 use crate::plants::params::{Form, PlantsParams};
 use crate::plants::script::canopy_script;
 use crate::plants::soybean::LEAFLET_LENGTH_M;
+use crate::plants::spruce::SHOOT_LENGTH_M;
 use crate::plants::tree::LEAF_LENGTH_M;
 use crate::surface::capture::Progress;
 use crate::surface::capture_params::CaptureParams;
@@ -146,6 +147,7 @@ fn texture_size_mm(species: Species) -> f64 {
         Species::Soybean => LEAFLET_LENGTH_M,
         Species::Tree => LEAF_LENGTH_M,
         Species::Grass => grass::BLADE_WIDTH_M,
+        Species::Spruce => SHOOT_LENGTH_M,
     };
     (1000.0 * metres).round()
 }

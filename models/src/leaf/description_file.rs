@@ -16,7 +16,7 @@
 //! gamma_across = 0.3
 //!
 //! [look]
-//! species = "maize"               # maize, soybean, tree or grass; without it a plain leaf
+//! species = "maize"               # maize, soybean, tree, grass or spruce; without it a plain leaf
 //! deficiency = "nitrogen"         # nitrogen or magnesium; without it a healthy leaf
 //! severity = 0.7
 //! seed = 1
@@ -278,7 +278,10 @@ mod tests {
             ("[look]\nsize_mm = inf", ["`size_mm` in [look] as inf", "1 to 200 mm"]),
             ("[look]\nseed = -1", ["`seed` in [look] as -1", "whole number from 0"]),
             ("[variation]\nseed = 1.5", ["`seed` in [variation] as 1.5", "whole number"]),
-            ("[look]\nspecies = \"oak\"", ["`species` in [look] as \"oak\"", "none of maize, soybean, tree, grass"]),
+            (
+                "[look]\nspecies = \"oak\"",
+                ["`species` in [look] as \"oak\"", "none of maize, soybean, tree, grass, spruce"],
+            ),
             ("[look]\ndeficiency = 3", ["`deficiency` in [look] as 3", "no text in quotes"]),
             ("[contents]\nbrown = \"a lot\"", ["as \"a lot\"", "no number"]),
             ("[look]\nspecies = \"ma\\nize\"", ["as \"ma\\nize\", which", "maize"]),
