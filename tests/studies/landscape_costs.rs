@@ -38,10 +38,12 @@ const BACKENDS: [(&str, BackendChoice); 3] = [
 fn models(landscape: Landscape, folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
     let grass = PlantsParams { flowers: 0.0, ..PlantsParams::of(Species::Grass) };
     let tree = PlantsParams { branches: 2154, leaves: 6336, ..PlantsParams::of(Species::Tree) };
+    let spruce = PlantsParams { branches: 2154, leaves: 6336, ..PlantsParams::of(Species::Spruce) };
+    let second = |plant: &PlantsParams| PlantsParams { seed: 7, ..plant.clone() };
     let grown = match landscape {
         Landscape::Lawn => vec![grass.clone(), PlantsParams { flowers: 1.0, seed: 2, ..grass }],
         Landscape::Grove => vec![tree],
-        Landscape::Forest => vec![tree.clone(), PlantsParams { seed: 7, ..tree }],
+        Landscape::Forest => vec![tree.clone(), second(&tree), spruce.clone(), second(&spruce)],
     };
     let mut files = Vec::new();
     for (number, params) in grown.iter().enumerate() {

@@ -15,11 +15,11 @@ pub(super) struct LandscapeArguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     pub(super) times: u32,
     /// Finer volumes in place of those that come with the program, by `btf-fit voltex`; the lawn takes two, without and
-    /// with a flower
+    /// with a flower, the forest two, broad-leaved trees and spruces, or one for all its trees
     #[arg(long, value_name = "FILE.voltex")]
     pub(super) volume: Vec<PathBuf>,
     /// Models of the plants, by `btf-synth plants`, which are seen where leaves are wider than pixels; the lawn takes
-    /// two, without and with a flower, the forest its two trees
+    /// two, without and with a flower, the forest four, two broad-leaved trees and two spruces, or two for all its trees
     #[arg(long, value_name = "FILE")]
     pub(super) mesh: Vec<PathBuf>,
     /// 1 from afar, 2 nearer, 3 from close by

@@ -30,7 +30,7 @@ const LAMP: &str = "[[light]]\nposition = [30.0, 60.0, 40.0]\nintensity = [20000
 /// A folder with the volumes that come with the viewer.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["tree.voltex", "lawn.voltex", "lawn_flower.voltex", "forest.voltex"] {
+    for name in ["tree.voltex", "lawn.voltex", "lawn_flower.voltex", "forest.voltex", "forest_spruce.voltex"] {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scene/builtin");
         fs::copy(models.join(name), folder.path().join(name)).unwrap();
     }

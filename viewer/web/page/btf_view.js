@@ -2,7 +2,7 @@
 // and edit. It draws in a worker and loads in another; where WebGPU is missing it shows what stands between its tags.
 
 // The volumes of landscapes, of the folder volumes.
-const VOLUMES = { lawn: ['lawn', 'lawn_flower'], grove: ['tree'], forest: ['forest'] };
+const VOLUMES = { lawn: ['lawn', 'lawn_flower'], grove: ['tree'], forest: ['forest', 'forest_spruce'] };
 // A table that the description of a leaf has and that of a scene has not.
 const LEAF_TABLE = /^\s*\[(contents|gloss|look|variation)\]/m;
 const NO_WEBGPU = 'This needs WebGPU, which this browser does not have or has turned off; the picture is a still one.';

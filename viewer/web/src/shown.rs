@@ -20,7 +20,7 @@ const BERLIN: &str = "52.5,13.4";
 pub(crate) struct PageScene {
     /// An asset.
     asset: Option<String>,
-    /// A leaf under sliders: `maize`, `soybean`, `tree`, `grass`, or the file of one.
+    /// A leaf under sliders: `maize`, `soybean`, `tree`, `grass`, `spruce`, or the file of one.
     leaf: Option<String>,
     /// The shape that carries it, as `btf-view --mesh` takes it.
     mesh: Option<String>,
@@ -89,8 +89,7 @@ impl PageScene {
 }
 
 fn leaf(name: &str) -> Result<SceneLeaf, ViewerError> {
-    let species = [Species::Maize, Species::Soybean, Species::Tree, Species::Grass];
-    match species.into_iter().find(|species| species.name() == name) {
+    match Species::ALL.into_iter().find(|species| species.name() == name) {
         Some(species) => {
             let texture = LeafTexture::uniform(LeafTexel::default());
             SceneLeaf::new(name, LeafDescription::of(Some(species), None), &texture)
@@ -108,7 +107,7 @@ fn landscape(name: &str) -> Result<Scene, ViewerError> {
     let volumes: &[&str] = match landscape {
         Landscape::Lawn => &["lawn", "lawn_flower"],
         Landscape::Grove => &["tree"],
-        Landscape::Forest => &["forest"],
+        Landscape::Forest => &["forest", "forest_spruce"],
     };
     let volumes = volumes.iter().map(|name| format!("volumes/{name}.voltex").into()).collect();
     let params = LandscapeParams { times: 1, volumes, meshes: Vec::new(), wind_m_per_s: None };

@@ -20,22 +20,29 @@ const FOLDER: &str = "target/volumes";
 /// Folder of the volumes that come with the viewer.
 const MODELS: &str = "viewer/src/scene/builtin";
 /// Plants that are grown: name, and options of btf-synth.
-const GROWN: [(&str, &str); 4] = [
+const GROWN: [(&str, &str); 6] = [
     ("lawn", "--species grass --flowers 0"),
     ("lawn_flower", "--species grass --flowers 1 --seed 2"),
     ("tree", "--species tree --branches 2154 --leaves 6336"),
     ("tree2", "--species tree --branches 2154 --leaves 6336 --seed 7"),
+    ("spruce", "--species spruce --branches 2154 --leaves 6336"),
+    ("spruce2", "--species spruce --branches 2154 --leaves 6336 --seed 7"),
 ];
 /// Volumes that are built: name, voxels along each side, and number of view directions of the fit.
-const BUILT: [(&str, u32, u32); 4] =
-    [("lawn", 128, 24), ("lawn_flower", 128, 24), ("tree", 64, 12), ("forest", 64, 12)];
+const BUILT: [(&str, u32, u32); 5] =
+    [("lawn", 128, 24), ("lawn_flower", 128, 24), ("tree", 64, 12), ("forest", 64, 12), ("forest_spruce", 64, 12)];
 /// Space of the volume with one tree, which stands in the middle.
 const TREE_SPACE: &str = "least_m = [-3.0, -3.0, 0.0]\nmost_m = [3.0, 3.0, 6.0]\ncyclic = [false, false]";
-/// Space of the volume with the two trees of the forest: one period.
+/// Space of a volume with two trees of the forest: one period.
 const FOREST_SPACE: &str = "least_m = [0.0, 0.0, 0.0]\nmost_m = [6.0, 6.0, 6.0]\ncyclic = [true, true]";
-/// Size and foot of the forest's trees, as the viewer's `landscape/forest.rs` has them: so large that next to nothing
+/// A plant in the space of a volume: its name, its size over the one it is grown in, and its foot.
+type Placed = (&'static str, f64, [f64; 3]);
+/// Volumes of the forest and their trees, as the viewer's `landscape/forest.rs` has them: so large that next to nothing
 /// of them goes on opposite, since texels are turned, and on no line of symmetry, so that turns move them.
-const FOREST: [(&str, f64, [f64; 3]); 2] = [("tree", 0.9, [1.85, 2.5, 0.0]), ("tree2", 0.85, [4.45, 4.3, 0.0])];
+const FORESTS: [(&str, [Placed; 2]); 2] = [
+    ("forest", [("tree", 0.9, [1.85, 2.5, 0.0]), ("tree2", 0.85, [4.45, 4.3, 0.0])]),
+    ("forest_spruce", [("spruce", 1.65, [1.4, 2.45, 0.0]), ("spruce2", 1.5, [4.75, 4.15, 0.0])]),
+];
 
 /// Runs the chore.
 pub fn run(arguments: &[String]) -> Result<(), Failure> {
@@ -60,10 +67,11 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         let mut synth = cargo(&["run", "--release", "--quiet", "-p", "btf-synth", "--", "plants", &script]);
         run_checked(synth.args(["--form", "shapes", "--force"]).args(options.split(' ')))?;
     }
-    let [tree, other] = FOREST.map(|(name, ..)| read(&folder, name));
-    let [tree, other] = [tree?, other?];
-    write(&folder, "forest", &forest_of([&tree, &other])?)?;
-    write(&folder, "tree", &in_space(&tree, TREE_SPACE)?)?;
+    for (name, trees) in FORESTS {
+        let [one, other] = trees.map(|(tree, ..)| read(&folder, tree));
+        write(&folder, name, &forest_of([&one?, &other?], trees)?)?;
+    }
+    write(&folder, "tree", &in_space(&read(&folder, "tree")?, TREE_SPACE)?)?;
     for (name, usual, views) in BUILT {
         let [script, volume] = ["shapes.toml", "voltex"].map(|ending| format!("{FOLDER}/{name}.{ending}"));
         let voxels = resolution.unwrap_or(usual).to_string();
@@ -102,9 +110,9 @@ fn in_space(script: &str, space: &str) -> Result<String, Failure> {
 }
 
 /// Returns a script with both trees in one space. Both have the materials of the first.
-fn forest_of(trees: [&str; 2]) -> Result<String, Failure> {
+fn forest_of(trees: [&str; 2], placed: [Placed; 2]) -> Result<String, Failure> {
     let mut forest = format!("[space]\n{FOREST_SPACE}\n\n{}", parts_of(trees[0])?[0]);
-    for (script, (_, scale, foot)) in trees.iter().zip(FOREST) {
+    for (script, (_, scale, foot)) in trees.iter().zip(placed) {
         let placed = format!(
             "[[strokes.shapes]]\nkind = \"placed\"\nscale = {scale:?}\nmove_m = {foot:?}\n[strokes.shapes.of]\n"
         );
@@ -121,11 +129,12 @@ mod tests {
     fn a_forest_has_the_shapes_of_both_trees_each_in_its_place() {
         let tree =
             "[space]\na = 1\n\n[[materials]]\nname = \"leaf\"\n\n[[strokes]]\n[[strokes.shapes]]\nkind = \"limb\"\n";
-        let forest = forest_of([tree, tree]).unwrap_or_default();
-        assert_eq!([forest.matches("[[materials]]").count(), forest.matches("kind = \"limb\"").count()], [1, 2]);
-        assert!(
-            forest.starts_with("[space]\nleast_m") && forest.contains("move_m = [4.45, 4.3, 0.0]\n[strokes.shapes.of]")
-        );
-        assert!(forest_of([tree, "nothing"]).is_err());
+        for ((_, placed), foot) in FORESTS.into_iter().zip(["[4.45, 4.3, 0.0]", "[4.75, 4.15, 0.0]"]) {
+            let forest = forest_of([tree, tree], placed).unwrap_or_default();
+            assert_eq!([forest.matches("[[materials]]").count(), forest.matches("kind = \"limb\"").count()], [1, 2]);
+            let moved = format!("move_m = {foot}\n[strokes.shapes.of]");
+            assert!(forest.starts_with("[space]\nleast_m") && forest.contains(&moved));
+            assert!(forest_of([tree, "nothing"], placed).is_err());
+        }
     }
 }

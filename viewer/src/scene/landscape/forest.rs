@@ -1,11 +1,17 @@
 //! Mountains under forest: 25,000 trees on 1,404 patches, two to a texel.
 //!
-//! Both are within their texel, on no line of its symmetry: in eight ways, by turns and mirrors, they stand in 16
+//! | where | species |
+//! |---|---|
+//! | valleys | broad-leaved trees |
+//! | heights, from a third of the peaks' on, with both in a zone between | spruces, smaller towards the peaks |
+//! | steep places | broad-leaved trees in the colours of autumn |
+//!
+//! Both trees of a texel are within their texel, on no line of its symmetry: in eight ways, by turns and mirrors, they stand in 16
 //! places, and no rows are seen.
 
 use super::counts::LandscapeCounts;
 use super::planted::{
-    Plant, Planted, Soil, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, chance, densest, inland, look,
+    Flora, Plant, Planted, Soil, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, TURNED, chance, densest, inland, look,
 };
 use super::terrain::{Terrain, over_land, with_border_of};
 use crate::volume::skin::{CellMap, Jitter, Noise, Pattern, Wind};
@@ -36,23 +42,52 @@ const BORDER_TEXELS: f32 = 10.0;
 const GROUP_TEXELS: f32 = 11.0;
 /// A clearing: its middle, from the middle of the southern border to the east and north, and its radius.
 const CLEARING_TEXELS: [f32; 3] = [-6.0, 8.0, 3.6];
-/// Heights from which the second species is the usual one, and from which trees stand apart, in shares of the peaks'.
+/// Heights from which spruces are the usual species, and from which trees stand apart, in shares of the peaks'.
 const UPPER: f32 = 0.33;
 /// See [`UPPER`].
 const TREE_LINE: f32 = 0.8;
 /// How much smaller trees are at the peaks.
 const STUNTED: f32 = 0.4;
-/// Factors on what leaves and bark of the species reflect and transmit: valleys, heights, steep places.
-pub(super) const TINTS: [[f32; 3]; 3] = [[1.15, 1.1, 0.95], [0.55, 0.7, 0.75], [1.6, 1.2, 0.7]];
+/// Numbers of the alternatives, which are volumes.
+pub(super) const IN_VALLEYS: u8 = 0;
+/// See [`IN_VALLEYS`].
+pub(super) const ON_STEEP_PLACES: u8 = 1;
+/// See [`IN_VALLEYS`].
+pub(super) const ON_HEIGHTS: u8 = 2;
+/// Factors on what leaves and bark reflect and transmit, by alternative, where one kind of trees stands for all.
+const ALIKE_TINTS: [[f32; 3]; 3] = [[1.15, 1.1, 0.95], [1.6, 1.2, 0.7], [0.55, 0.7, 0.75]];
+/// Those of broad-leaved trees.
+const BROAD_TINTS: [[f32; 3]; 2] = [ALIKE_TINTS[IN_VALLEYS as usize], ALIKE_TINTS[ON_STEEP_PLACES as usize]];
+/// That of spruces.
+const SPRUCE_TINTS: [[f32; 3]; 1] = [[0.75, 0.8, 0.9]];
 
-/// The volume that comes with the viewer: two trees in a cube.
-pub(super) const VOLUMES: [&[u8]; 1] = [built_in!("forest")];
-
-/// The trees of a texel, as `cargo xtask volumes` sets them out.
-pub(super) const PLANTS: [Plant; TREES as usize] = [
-    Plant { volume: 0, scale: 0.9, foot_m: Vec3::new(-1.15, 0.0, 0.5), tints: &TINTS },
-    Plant { volume: 0, scale: 0.85, foot_m: Vec3::new(1.45, 0.0, -1.3), tints: &TINTS },
+/// Broad-leaved trees and spruces; or one kind of trees in three colours. Each volume is two trees in a cube, as `cargo xtask volumes` sets
+/// them out.
+pub(super) const FLORAS: [Flora; 2] = [
+    Flora {
+        told: "two broad-leaved trees, then two spruces",
+        built_in: &[built_in!("forest"), built_in!("forest_spruce")],
+        tints: &[&BROAD_TINTS, &SPRUCE_TINTS],
+        plants: &[
+            broad(0, &BROAD_TINTS),
+            broad(1, &BROAD_TINTS),
+            Plant { volume: 2, scale: 1.65, foot_m: Vec3::new(-1.6, 0.0, 0.55), tints: &SPRUCE_TINTS },
+            Plant { volume: 2, scale: 1.5, foot_m: Vec3::new(1.75, 0.0, -1.15), tints: &SPRUCE_TINTS },
+        ],
+    },
+    Flora {
+        told: "two trees for all species",
+        built_in: &[built_in!("forest")],
+        tints: &[&ALIKE_TINTS],
+        plants: &[broad(0, &ALIKE_TINTS), broad(1, &ALIKE_TINTS)],
+    },
 ];
+
+/// Returns one of the two broad-leaved trees of a texel.
+const fn broad(number: usize, tints: &'static [[f32; 3]]) -> Plant {
+    let (scale, foot_m) = [(0.9, Vec3::new(-1.15, 0.0, 0.5)), (0.85, Vec3::new(1.45, 0.0, -1.3))][number];
+    Plant { volume: 0, scale, foot_m, tints }
+}
 
 /// Plants the forest; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
@@ -100,7 +135,7 @@ pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {
     ];
     let wind = Wind { leaning_speed_m_per_s: TREE_LEANING_M_PER_S, flutter: TREE_FLUTTER, ..Wind::default() };
     let pattern =
-        Pattern { cells: Some(Arc::new(cells)), ..Pattern::isolated(0, TURNED, 3).one_of(TINTS.len() as u32) };
+        Pattern { cells: Some(Arc::new(cells)), ..Pattern::isolated(0, TURNED, 3).one_of(ALIKE_TINTS.len() as u32) };
     Ok(Planted { terrain, skin, patterns: vec![pattern], soil: SOIL, cameras, wind, counts })
 }
 
@@ -136,11 +171,12 @@ fn grown(terrain: &Terrain, times: u32, side_m: f32) -> CellMap {
     let grows = densest(TEXELS * times as usize, &densities);
     let species = |(texel, at): &([u32; 2], Vec2)| {
         let height =
-            share_of_peak(terrain, *at, side_m) + 0.25 * over_land(&groups, *at) + 0.3 * (chance(*texel, 5) - 0.5);
+            share_of_peak(terrain, *at, side_m) + 0.25 * over_land(&groups, *at) + 0.55 * (chance(*texel, 11) - 0.5);
         let steep = 1.0 - terrain.normal(*at).y;
         match (height > UPPER, steep + 0.25 * (chance(*texel, 8) - 0.5) > 0.22) {
-            (_, true) => 2,
-            (high, false) => u8::from(high),
+            (_, true) => ON_STEEP_PLACES,
+            (true, false) => ON_HEIGHTS,
+            (false, false) => IN_VALLEYS,
         }
     };
     let content = texels.par_iter().zip(&grows).map(|(texel, grows)| if *grows { 1 + species(texel) } else { 0 });

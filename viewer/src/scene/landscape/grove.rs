@@ -1,7 +1,9 @@
 //! Trees that stand apart on flat land: 512 on 1,024 patches, each another size, turn, place and colour of one tree.
 
 use super::counts::LandscapeCounts;
-use super::planted::{Planted, Soil, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, chance, densest, inland, look};
+use super::planted::{
+    Flora, Plant, Planted, Soil, TREE_FLUTTER, TREE_LEANING_M_PER_S, TREE_SHAPES, chance, densest, inland, look,
+};
 use super::terrain::{Terrain, over_land};
 use crate::volume::skin::{DiscreteJitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
@@ -15,7 +17,7 @@ const GROUP_PATCHES: f32 = 7.0;
 /// Width of the land's border where trees become fewer, patches.
 const BORDER_PATCHES: f32 = 7.0;
 /// Factors on what leaves and bark reflect and transmit: the materials of the trees.
-pub(super) const TINTS: [[f32; 3]; 3] = [[1.0; 3], [1.45, 1.12, 0.7], [0.72, 0.85, 0.9]];
+const TINTS: [[f32; 3]; 3] = [[1.0; 3], [1.45, 1.12, 0.7], [0.72, 0.85, 0.9]];
 /// Numbers of the patterns.
 const CLEARING: u32 = 0;
 /// See [`CLEARING`].
@@ -23,8 +25,9 @@ const TREE: u32 = 1;
 /// Content of the volume that comes with the viewer ends so far from its sides.
 const MARGIN: f32 = 0.14;
 
-/// The volume that comes with the viewer: a tree in the middle of a cube.
-pub(super) const VOLUMES: [&[u8]; 1] = [built_in!("tree")];
+/// A tree in the middle of a cube.
+pub(super) const FLORAS: [Flora; 1] =
+    [Flora { told: "a tree", built_in: &[built_in!("tree")], tints: &[&TINTS], plants: &[Plant::alone(0, &TINTS)] }];
 
 /// Plants the grove; `side_m` is that of the volume, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {

@@ -1,8 +1,9 @@
 //! A lawn on a hill: 1,400 patches with a texel of 16 blades each and a flower in half of them.
 
 use super::counts::LandscapeCounts;
-use super::planted::{Planted, Soil, TURNED, chance, densest, look};
+use super::planted::{Flora, Plant, Planted, Soil, TURNED, chance, densest, look};
 use super::terrain::{Terrain, over_land};
+use crate::scene::volume::AS_IT_IS;
 use crate::volume::skin::{Jitter, Noise, Pattern, Wind};
 use glam::{Vec2, Vec3};
 
@@ -27,8 +28,13 @@ const BARE: u32 = 0;
 /// See [`BARE`].
 const FLOWERING: u32 = 1;
 
-/// The volumes that come with the viewer: texels without and with a flower.
-pub(super) const VOLUMES: [&[u8]; 2] = [built_in!("lawn"), built_in!("lawn_flower")];
+/// Texels without and with a flower.
+pub(super) const FLORAS: [Flora; 1] = [Flora {
+    told: "grass without and with a flower",
+    built_in: &[built_in!("lawn"), built_in!("lawn_flower")],
+    tints: &[&[AS_IT_IS], &[AS_IT_IS]],
+    plants: &[Plant::alone(BARE, &[AS_IT_IS]), Plant::alone(FLOWERING, &[AS_IT_IS])],
+}];
 
 /// Plants the lawn; `side_m` is that of the volumes, a texel's width.
 pub(super) fn planted(times: u32, side_m: f32) -> Result<Planted, String> {

@@ -5,7 +5,7 @@
 //! |---|---|---|---|
 //! | lawn | 1,400 | one a patch | 22,400 blades, 700 flowers; height vectors jittered |
 //! | grove | 1,024 | half of them empty | 512 trees of 2,154 branches and 6,336 leaves; size, turn, place and material jittered |
-//! | forest | 1,404 | 12,500, and 4,348 empty ones | 25,000 of these trees, two to a texel; turn, coordinates and height jittered |
+//! | forest | 1,404 | 12,500, and 4,348 empty ones | 25,000 trees of so many branches and leaves, two to a texel, broad-leaved ones and spruces by height and slope; turn, coordinates and height jittered |
 //!
 //! `times` grows the land: so many times more patches, each with what a patch has. The volumes that come with the
 //! viewer are made by `cargo xtask volumes`.
@@ -38,13 +38,12 @@ use crate::error::ViewerError;
 use crate::light::daylight::Daylight;
 use crate::scene::material::Material;
 use crate::scene::scene::{DaylightParts, Outdoors, Scene, SceneMesh, SceneObject};
-use crate::scene::volume::AS_IT_IS;
 use crate::volume::skin::{ShellLevel, ShellParams, Wind};
 use crate::volume::volumes::{SceneSkin, Volumes};
 pub use counts::LandscapeCounts;
-use glam::{Mat4, Vec3};
+use glam::Mat4;
 use models::{Land, Models, place_models};
-use planted::{Plant, Planted, Soil};
+use planted::{Flora, Planted, Soil};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use volumes::{LandscapeVolumes, Wanted};
@@ -73,11 +72,12 @@ pub struct LandscapeParams {
     /// Factor on the published counts, 1 to 100, on so much more land.
     pub times: u32,
     /// Files in place of the volumes that come with the viewer; none, or as many as these: two for the lawn (without
-    /// and with a flower), one for grove and forest.
+    /// and with a flower), one for the grove, two for the forest (broad-leaved trees, spruces) or one for all its trees.
     pub volumes: Vec<PathBuf>,
     /// The models of the plants, which are seen where leaves are wider than pixels; none, or two for the lawn (without
-    /// and with a flower) and for the forest (its two trees), one for the grove. Their origins are in the middle of the
-    /// volumes' floors, as `btf-synth plants` has them.
+    /// and with a flower), one for the grove, four for the forest (two broad-leaved trees, two spruces). Two for the forest
+    /// stand for all its trees and go with one volume: without files that is the one of broad-leaved trees. Their origins
+    /// are in the middle of the volumes' floors, as `btf-synth plants` has them.
     pub meshes: Vec<PathBuf>,
     /// Mean speed of the wind that blows over it from the west, m/s, 0 to 60; none for a calm.
     pub wind_m_per_s: Option<f32>,
@@ -100,24 +100,47 @@ impl Landscape {
         }
     }
 
-    fn built_in(self) -> &'static [&'static [u8]] {
-        match self {
-            Landscape::Lawn => &lawn::VOLUMES,
-            Landscape::Grove => &grove::VOLUMES,
-            Landscape::Forest => &forest::VOLUMES,
-        }
+    /// Returns what the landscape grows of with so many files of volumes and of models, each of which may be none.
+    ///
+    /// # Errors
+    /// [`ViewerError::Usage`] for numbers that it has nothing for.
+    fn flora(self, volumes: usize, models: usize) -> Result<&'static Flora, ViewerError> {
+        let floras: &[Flora] = match self {
+            Landscape::Lawn => &lawn::FLORAS,
+            Landscape::Grove => &grove::FLORAS,
+            Landscape::Forest => &forest::FLORAS,
+        };
+        let is_asked_for =
+            |flora: &&Flora| [0, flora.built_in.len()].contains(&volumes) && [0, flora.plants.len()].contains(&models);
+        floras.iter().find(is_asked_for).ok_or_else(|| {
+            let counted = |volumes, models| {
+                let ending = |count| if count == 1 { "" } else { "s" };
+                format!("{volumes} volume{} and {models} model{}", ending(volumes), ending(models))
+            };
+            let told = floras.iter().map(|Flora { told, built_in, plants, .. }| {
+                format!("{} ({told})", counted(built_in.len(), plants.len()))
+            });
+            ViewerError::Usage(format!(
+                "the {} has {}, and {} are given; write --volume FILE.voltex and --mesh FILE as often, or not at all",
+                self.name(),
+                told.collect::<Vec<_>>().join(" or "),
+                counted(volumes, models)
+            ))
+        })
     }
 
     /// Makes the scene with three cameras, far, middle and close, under the sun and the sky; and what is in it.
     ///
     /// # Errors
-    /// [`ViewerError::Usage`] for another number of times or of volumes, and for volumes that the landscape cannot use;
+    /// [`ViewerError::Usage`] for another number of times, of volumes or of models, and for volumes that the landscape cannot use;
     /// [`ViewerError::Read`] and [`ViewerError::Volume`] for their files.
     pub fn scene(self, params: &LandscapeParams) -> Result<(Scene, LandscapeCounts), ViewerError> {
         if !(1..=100).contains(&params.times) {
             return Err(ViewerError::Usage(format!("--times is 1 to 100, not {}", params.times)));
         }
-        let LandscapeVolumes { volumes, sources, file_bytes, finest_levels } = self.volumes().load(&params.volumes)?;
+        let flora = self.flora(params.volumes.len(), params.meshes.len())?;
+        let wanted = Wanted { name: self.name(), flora, cyclic: self != Landscape::Grove };
+        let LandscapeVolumes { volumes, sources, file_bytes, finest_levels } = wanted.load(&params.volumes)?;
         let side_m = volumes[0].side_m();
         let resolution = 1u32 << finest_levels.iter().max().unwrap_or(&0);
         let made = |reason: String| ViewerError::scene(self.name(), reason);
@@ -144,7 +167,7 @@ impl Landscape {
         let ground = SceneObject { part: terrain.ground(reflectance), material };
         let land = Land { volumes: &volumes, finest_levels: &finest_levels, shell, patterns: &patterns };
         let Models { meshes: models, shown, leaf_width, stand_ins } =
-            place_models(self.name(), &params.meshes, self.plants(), &land)?;
+            place_models(&params.meshes, flora.plants, &land)?;
         let mut meshes = vec![SceneMesh { objects: vec![ground], places: vec![Mat4::IDENTITY] }];
         meshes.extend(models);
         let mut scene = Scene::from_meshes(Path::new(self.name()), meshes, shown)?;
@@ -172,26 +195,6 @@ impl Landscape {
         (scene.camera, scene.more_cameras) = (far, vec![middle, close]);
         scene.exposure_ev = EXPOSURE_EV;
         Ok((scene, counts))
-    }
-
-    /// Returns what the landscape asks for in the way of volumes.
-    fn volumes(self) -> Wanted<'static> {
-        let tints: &[[f32; 3]] = match self {
-            Landscape::Lawn => &[AS_IT_IS],
-            Landscape::Grove => &grove::TINTS,
-            Landscape::Forest => &forest::TINTS,
-        };
-        Wanted { name: self.name(), built_in: self.built_in(), tints, cyclic: self != Landscape::Grove }
-    }
-
-    /// Returns the plants that there are models of, in the order of the models.
-    fn plants(self) -> &'static [Plant] {
-        const TEXEL: Plant = Plant { volume: 0, scale: 1.0, foot_m: Vec3::ZERO, tints: &[AS_IT_IS] };
-        match self {
-            Landscape::Lawn => &[TEXEL, Plant { volume: 1, ..TEXEL }],
-            Landscape::Grove => &[Plant { tints: &grove::TINTS, ..TEXEL }],
-            Landscape::Forest => &forest::PLANTS,
-        }
     }
 }
 

@@ -37,24 +37,11 @@ pub(super) struct Models {
     pub stand_ins: Vec<SkinPlace>,
 }
 
-/// Places the models of `files`, one for each of the landscape's `plants` or none, wherever the skin has the plants'
-/// volumes. `name` is the landscape's, for messages.
+/// Places the models of `files`, one for each of `plants` or none, wherever the skin has the plants' volumes.
 ///
 /// # Errors
-/// [`ViewerError::Usage`] for another number of files; the errors of a model's file.
-pub(super) fn place_models(
-    name: &str,
-    files: &[PathBuf],
-    plants: &[Plant],
-    land: &Land,
-) -> Result<Models, ViewerError> {
-    if !files.is_empty() && files.len() != plants.len() {
-        return Err(ViewerError::Usage(format!(
-            "the {name} has {} models of plants and {} are given; write --mesh FILE as often, or not at all",
-            plants.len(),
-            files.len()
-        )));
-    }
+/// Those of a model's file.
+pub(super) fn place_models(files: &[PathBuf], plants: &[Plant], land: &Land) -> Result<Models, ViewerError> {
     let mut models = Models::default();
     let Land { volumes, finest_levels, shell, patterns } = *land;
     for (file, Plant { volume, scale, foot_m, tints }) in files.iter().zip(plants) {

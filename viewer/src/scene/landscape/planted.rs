@@ -29,6 +29,25 @@ pub(super) struct Plant {
     pub tints: &'static [[f32; 3]],
 }
 
+impl Plant {
+    /// Returns the plant that fills a volume as its model is.
+    pub const fn alone(volume: u32, tints: &'static [[f32; 3]]) -> Plant {
+        Plant { volume, scale: 1.0, foot_m: Vec3::ZERO, tints }
+    }
+}
+
+/// Volumes and models that a landscape grows of.
+pub(super) struct Flora {
+    /// What the volumes and models show, for messages.
+    pub told: &'static str,
+    /// Volumes that come with the program.
+    pub built_in: &'static [&'static [u8]],
+    /// Tints of each volume.
+    pub tints: &'static [&'static [[f32; 3]]],
+    /// Plants that there are models of, in the order of the models.
+    pub plants: &'static [Plant],
+}
+
 /// Ground between the plants and beyond them.
 pub(super) struct Soil {
     /// Diffuse reflectance, linear sRGB.

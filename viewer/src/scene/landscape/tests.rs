@@ -1,12 +1,13 @@
-use super::planted::densest;
+use super::planted::{Plant, densest};
 use super::*;
 use crate::cpu::picture::CpuPicture;
 use crate::geometry::bvh::AnyHit;
 use crate::geometry::geometry::Geometry;
 use crate::options::ShadeOptions;
 use crate::scene::volume::standing;
+use btf_runtime::voltex::{NO_VOXEL, Voltex, Volume as BtfVolume};
 use clap::ValueEnum;
-use glam::Vec4;
+use glam::{Vec2, Vec3, Vec4};
 
 fn built_in(landscape: Landscape, times: u32) -> (Scene, LandscapeCounts) {
     landscape.scene(&LandscapeParams { times, volumes: Vec::new(), meshes: Vec::new(), wind_m_per_s: None }).unwrap()
@@ -113,6 +114,75 @@ fn says_which_volumes_and_numbers_it_needs() {
     assert!(asked(Landscape::Grove, 1, &["none.voltex"]).to_string().contains("none.voltex"));
     let tree = concat!(env!("CARGO_MANIFEST_DIR"), "/src/scene/builtin/tree.voltex");
     assert!(asked(Landscape::Forest, 1, &[tree]).to_string().contains("cyclic"));
+}
+
+#[test]
+fn a_forest_takes_volumes_and_models_of_two_kinds_of_trees_or_of_one() {
+    let flora = |volumes, models| Landscape::Forest.flora(volumes, models);
+    for (volumes, models, kinds) in [(0, 0, 2), (2, 0, 2), (0, 4, 2), (2, 4, 2), (1, 0, 1), (0, 2, 1), (1, 2, 1)] {
+        let found = flora(volumes, models).unwrap();
+        assert_eq!((found.built_in.len(), found.plants.len()), (kinds, 2 * kinds), "{volumes} {models}");
+        // Either way the skin's three alternatives are there, and every plant is in some of them.
+        assert_eq!(found.tints.iter().map(|tints| tints.len()).sum::<usize>(), 3);
+        assert!(found.plants.iter().all(|plant| plant.volume as usize + plant.tints.len() <= 3));
+    }
+    for (volumes, models) in [(3, 0), (2, 2), (1, 4), (0, 1)] {
+        let message = flora(volumes, models).map(|_| ()).unwrap_err().to_string();
+        assert!(message.contains("2 volumes and 4 models") && message.contains("1 volume and 2 models"), "{message}");
+        assert!(message.contains(&format!("{volumes} volume")) && message.contains("not at all"), "{message}");
+    }
+}
+
+#[test]
+fn the_trees_of_a_forest_stand_where_its_volumes_have_them() {
+    for Flora { built_in, tints, plants, .. } in &forest::FLORAS {
+        for Plant { volume, scale, foot_m, .. } in *plants {
+            let first = |file: usize| tints[..file].iter().map(|tints| tints.len()).sum::<usize>();
+            let file = (0..built_in.len()).rfind(|file| first(*file) <= *volume as usize).unwrap();
+            let voltex = Voltex::new(&BtfVolume::parse(built_in[file]).unwrap());
+            let volume_from_world = standing(&voltex, Vec3::ZERO, 0.0, 1.0).inverse();
+            let voxels = (1u32 << voltex.level_count()) as f32;
+            // Shares of the trunk's lower part that the volume has something in.
+            let filled = |foot_m: Vec3| {
+                let heights_m = (1..=20).map(|i| 0.09 * scale * i as f32);
+                let cells = heights_m.map(|height_m| {
+                    let at = volume_from_world.transform_point3(foot_m + Vec3::Y * height_m);
+                    voltex.cell((at * voxels).to_array().map(|x| x as u32), 0).voxel != NO_VOXEL
+                });
+                cells.filter(|filled| *filled).count()
+            };
+            assert_eq!(filled(*foot_m), 20, "{foot_m}");
+            // Planted: mirrored, it stands beside the tree.
+            assert!(filled(*foot_m * Vec3::new(-1.0, 1.0, 1.0)) < 10, "{foot_m}");
+        }
+    }
+}
+
+#[test]
+fn broad_leaved_trees_are_in_valleys_and_spruces_on_heights_with_a_zone_of_both() {
+    let Planted { terrain, patterns, .. } = forest::planted(1, 6.0).unwrap();
+    let cells = patterns[0].cells.clone().unwrap();
+    let heights_m = |alternative: u8| {
+        let texels = cells.content.iter().enumerate().filter(|(_, content)| **content == 1 + alternative);
+        let at = texels.map(|(number, _)| {
+            let texel = [number as u32 % cells.size[0], number as u32 / cells.size[0]].map(|x| x as f32);
+            let share = (Vec2::from(texel) + 0.5) / Vec2::from(cells.size.map(|x| x as f32));
+            (terrain.height_m)((share - 0.5) * terrain.size_m)
+        });
+        let mut heights_m: Vec<f32> = at.collect();
+        heights_m.sort_by(f32::total_cmp);
+        heights_m
+    };
+    let [valleys, steep, heights] = [forest::IN_VALLEYS, forest::ON_STEEP_PLACES, forest::ON_HEIGHTS].map(heights_m);
+    assert!([&valleys, &steep, &heights].into_iter().all(|species| species.len() > 250));
+    // Spruces among the trees of a zone, by its heights in shares of the peaks'.
+    let spruces = |zone: std::ops::Range<f32>| {
+        let peak_m = 22.0 * 6.0;
+        let count = |of: &[f32]| of.iter().filter(|height_m| zone.contains(&(*height_m / peak_m))).count() as f32;
+        count(&heights) / (count(&heights) + count(&valleys))
+    };
+    let [below, between, above] = [spruces(0.0..0.1), spruces(0.25..0.35), spruces(0.5..2.0)];
+    assert!(below < 0.15 && (0.3..0.7).contains(&between) && above > 0.75, "{below} {between} {above}");
 }
 
 fn radiance(scene: &Scene) -> Vec<[f32; 3]> {

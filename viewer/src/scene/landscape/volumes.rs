@@ -1,5 +1,6 @@
 //! The volumes of a landscape: those that come with the program, or files in their place.
 
+use super::planted::Flora;
 use crate::error::ViewerError;
 use crate::scene::volume::open_volume;
 use crate::volume::source::{VolumeSource, tinted};
@@ -24,40 +25,32 @@ pub(super) struct LandscapeVolumes {
 pub(super) struct Wanted<'a> {
     /// Name of the landscape, for messages.
     pub name: &'a str,
-    /// Volumes that come with the program.
-    pub built_in: &'a [&'a [u8]],
-    /// Tints of each volume.
-    pub tints: &'a [[f32; 3]],
+    /// Its volumes.
+    pub flora: &'a Flora,
     /// Whether volumes must go on into each other.
     pub cyclic: bool,
 }
 
 impl Wanted<'_> {
-    /// Loads the volumes from `files`, or those that come with the program where there are none.
+    /// Loads the volumes from `files`, as many as the flora has, or those that come with the program where there are none.
     ///
     /// # Errors
-    /// [`ViewerError::Usage`] for another number of files and for volumes that the landscape cannot use;
-    /// [`ViewerError::Read`] and [`ViewerError::Volume`] for the files.
+    /// [`ViewerError::Usage`] for volumes that the landscape cannot use; [`ViewerError::Read`] and [`ViewerError::Volume`]
+    /// for the files.
     pub fn load(&self, files: &[PathBuf]) -> Result<LandscapeVolumes, ViewerError> {
-        let (name, wanted) = (self.name, self.built_in.len());
-        if !files.is_empty() && files.len() != wanted {
-            return Err(ViewerError::Usage(format!(
-                "the {name} has {wanted} volumes and {} are given; write --volume FILE.voltex as often, or not at all",
-                files.len()
-            )));
-        }
+        let (name, Flora { built_in, tints, .. }) = (self.name, self.flora);
         let mut own = LandscapeVolumes::default();
-        for bytes in self.built_in.iter().filter(|_| files.is_empty()) {
+        for (bytes, tints) in built_in.iter().zip(*tints).filter(|_| files.is_empty()) {
             let volume = Volume::parse(bytes).map_err(|source| ViewerError::Volume { path: name.into(), source })?;
             own.file_bytes += bytes.len() as u64;
-            for tint in self.tints {
+            for tint in *tints {
                 own.add(Arc::new(Voltex::new(&tinted(volume.clone(), *tint))), None);
             }
         }
-        for path in files {
+        for (path, tints) in files.iter().zip(*tints) {
             let length = btf_capture::files::length(path);
             own.file_bytes += length.map_err(|source| ViewerError::Read { path: path.clone(), source })?;
-            for tint in self.tints {
+            for tint in *tints {
                 let (volume, source) = open_volume(path, *tint)?;
                 let [x, y, _] = volume.extent();
                 if self.cyclic && (volume.cyclic() != [true; 2] || x < 1.0 || y < 1.0) {
