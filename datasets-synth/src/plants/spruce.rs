@@ -71,7 +71,7 @@ struct Limb {
     shoots: usize,
 }
 
-/// Branch of the trunk: how far up it starts over the height, its length, and whether it belongs to a whorl.
+/// Branch of the trunk: how far up it starts, in heights of the tree, its length, and its azimuth.
 struct Start {
     t: f64,
     length_m: f64,
