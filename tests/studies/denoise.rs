@@ -1,8 +1,9 @@
 //! Prints how far pictures of few samples are from one of 1,024, with and without the filter of noise, over the time that they take,
-//! as Markdown: `cargo run --release -p btf-tests -- denoise [WIDTH [CANOPY.glb]]`.
+//! as Markdown: `cargo run --release -p btf-tests -- denoise [WIDTH [CANOPY.glb [SCENE ...]]]`.
 //!
-//! Landscapes are those of `btf-view scene`, the canopy stands in the same evening. All are drawn by paths of up to four rays. The
-//! filter's time is in its column. Times are of this machine and run: compare them with each other.
+//! Scenes are all, or those that are named: forest, grove, lawn, canopy. Landscapes are those of `btf-view scene`, the
+//! canopy stands in the same evening. All are drawn by paths of up to four rays. The filter's time is in its column. Times are
+//! of this machine and run: compare them with each other.
 
 use btf_viewer::{
     BackendChoice, Control, Landscape, LandscapeParams, MeshChoice, Picture, RenderMode, RenderParams, Scene,
@@ -69,6 +70,8 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
         scene.exposure_ev = evening.exposure_ev;
         scenes.push(("canopy".into(), scene));
     }
+    let asked = arguments.get(2..).unwrap_or_default();
+    scenes.retain(|(name, _)| asked.is_empty() || asked.contains(name));
     println!("| scene | samples | s | dB | with the filter: s | dB |\n|---|---|---|---|---|---|");
     let mut times = Vec::new();
     for (name, scene) in &scenes {

@@ -73,11 +73,11 @@ fn counted_operations_are_those_of_the_layout() {
 fn steps_without_time_are_left_out_and_unknown_ones_are_bad_usage() {
     let folder = tempfile::tempdir().unwrap();
     let (output, results) = run(folder.path(), &["--minutes", "0.01"]);
-    assert!(output.status.success() && results.finished && results.steps.len() == 14);
+    assert!(output.status.success() && results.finished && results.steps.len() == 15);
     assert!(results.steps.iter().all(|step| step.status == "skipped: no time" && step.rows.is_empty()));
     let (output, results) = run(folder.path(), &["--only", "cornel"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("no step 'cornel'"));
     // The earlier file is untouched.
-    assert_eq!(results.steps.len(), 14);
+    assert_eq!(results.steps.len(), 15);
 }

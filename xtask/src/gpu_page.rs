@@ -32,6 +32,7 @@ pub fn page(results: &Value, head: Option<&str>) -> Result<String, String> {
         roofline(results),
         operations(results),
         FRAME_STEPS.iter().map(|(step, title)| frames(results, step, title)).collect(),
+        transitions(results),
         expansion(results),
         steps(results),
     ];
@@ -166,6 +167,29 @@ fn frames(results: &Value, step: &str, title: &str) -> String {
     table + &not_run(results, &[step])
 }
 
+fn transitions(results: &Value) -> String {
+    let mut table = String::from(
+        "## Meshes or volumes\n\nThe time to a noise by the width of leaves where meshes pass into the volumes that stand in for them \
+         ([how](voltex.md#meshes-or-volumes-by-measured-cost)).\n\n| scene | size | leaves, pixels | ms | variance | times the least \
+         |\n|---|---|---|---|---|---|\n",
+    );
+    for row in rows(results, "transitions") {
+        let taken = if row["is_taken"] == true { ", taken" } else { "" };
+        let _ = writeln!(
+            table,
+            "| {} | {} x {} | {} | {} | {} | {}{taken} |",
+            [text(&row["mesh"]), text(&row["variant"])].join(" ").trim_end(),
+            row["width"],
+            row["height"],
+            number(&row["pixels"]),
+            number(&row["frame_ms"]),
+            format_args!("{:.1e}", row["variance"].as_f64().unwrap_or(f64::NAN)),
+            number(&row["relative_cost"]),
+        );
+    }
+    table + &not_run(results, &["transitions"])
+}
+
 fn expansion(results: &Value) -> String {
     let mut table = String::from(
         "## Into memory\n\n| asset | MB expanded | packed | expanded on the CPU, ms | uploaded, ms | GB/s | packed, uploaded, \
@@ -259,6 +283,10 @@ mod tests {
                 step("lights", "ok", vec![
                     frame_row("packed", [512, 512], 1, 81, 0.5), frame_row("packed", [512, 512], 16, 81, 2.5),
                 ]),
+                step("transitions", "ok", vec![json!({
+                    "kind": "transition", "mesh": "lawn", "variant": "nearer", "width": 1920, "height": 1080, "pixels": 0.5,
+                    "frame_ms": 7.25, "variance": 0.02, "relative_cost": 1.0, "is_taken": true,
+                })]),
             ],
         })
     }
@@ -271,6 +299,7 @@ mod tests {
             "| the same filling 1920 x 1080, 8 components: ms | at most 1 | 0.900, met | not run |",
             "| the same filling 1920 x 1080, all components: ms | at most 3 | not run | not run |",
             "| Cornell box, 512 x 512, time with 16 lights over one: times | at most 4 | not run | 5.00, not met |",
+            "| lawn nearer | 1920 x 1080 | 0.500 | 7.25 | 2.0e-2 | 1.00, taken |",
             "`resolutions`: failed: the device was lost.",
             "`canopies`: not run.",
             "| cornell | packed | 1 | 81 | 1000, 2, 3, 4, 7 | 700, 2, 3, 4, 7 | 30, 2, 3, 4, 7 | 0.900, 1.90 |",

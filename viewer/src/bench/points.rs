@@ -16,6 +16,9 @@ use std::sync::Arc;
 /// Triangles of the canopy that [Miao] draws at 31 frames a second.
 pub(super) const PAPER_TRIANGLES: u64 = 8_605_600;
 
+/// The cameras of landscapes.
+pub(super) const CAMERAS: [&str; 3] = ["from afar", "nearer", "from close by"];
+
 /// The built-in meshes that benches show.
 const MESHES: [(&str, MeshChoice); 4] = [
     ("cornell", MeshChoice::Cornell),
@@ -258,11 +261,10 @@ fn built_in(mesh: &MeshChoice, assets: &[Arc<SceneAsset>]) -> Result<Scene, View
 /// The errors of [`Landscape::scene`].
 pub(super) fn landscape_points() -> Result<Vec<(&'static str, &'static str, Scene)>, ViewerError> {
     let mut points = Vec::new();
-    let cameras = ["from afar", "nearer", "from close by"];
     for landscape in [Landscape::Lawn, Landscape::Grove, Landscape::Forest] {
         let (scene, _) = landscape.scene(&LandscapeParams::default())?;
         let seen = std::iter::once(scene.camera).chain(scene.more_cameras.iter().copied());
-        for (variant, camera) in cameras.into_iter().zip(seen) {
+        for (variant, camera) in CAMERAS.into_iter().zip(seen) {
             points.push((variant, landscape.name(), Scene { camera, ..scene.clone() }));
         }
     }

@@ -22,6 +22,10 @@ pub(super) struct GpuBenchArguments {
     /// Model that canopies are made of: an .obj, .gltf or .glb file [default: a plant that comes with the program]
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
+    /// Folder with the models of the landscapes' plants, as `cargo xtask volumes --models` writes them: measures where meshes should
+    /// pass into volumes
+    #[arg(long, value_name = "DIR")]
+    plants: Option<PathBuf>,
     /// Minutes that all steps may take together; what finds no time is left out
     #[arg(long, value_name = "N", default_value = "8", value_parser = parse_positive)]
     minutes: f32,
@@ -54,11 +58,15 @@ pub(super) fn run(arguments: &GpuBenchArguments) -> Result<(), ViewerError> {
     if let Some(mesh) = arguments.mesh.as_ref().filter(|mesh| !mesh.is_file()) {
         return Err(ViewerError::Usage(format!("{}: there is no such file, give --mesh a model", mesh.display())));
     }
+    if let Some(plants) = arguments.plants.as_ref().filter(|plants| !plants.is_dir()) {
+        return Err(ViewerError::Usage(format!("{}: there is no such folder, give --plants one", plants.display())));
+    }
     let stands_in = arguments.assets.is_empty() && arguments.step.is_none();
     let stand_in = stands_in.then(|| write_stand_in_asset(&arguments.out, arguments.quick)).transpose()?;
     let params = GpuBenchParams {
         assets: load_assets(stand_in.as_ref().map_or(&arguments.assets, std::slice::from_ref))?,
         mesh: arguments.mesh.clone(),
+        plants: arguments.plants.clone(),
         adapter: arguments.adapter.clone(),
         tracer: arguments.backend,
         quick: arguments.quick,

@@ -8,12 +8,14 @@ use std::path::Path;
 const HELP: &str = "\
 Writes the volumes of `btf-view scene`, viewer/src/scene/builtin/*.voltex.
 
-Usage: cargo xtask volumes [--resolution N]
+Usage: cargo xtask volumes [--resolution N | --models]
 
-With --resolution, finer or coarser ones are written into target/volumes instead, for `btf-view scene --volume`.
+With --resolution, finer or coarser ones are written into target/volumes instead, for `btf-view scene --volume`. With
+--models, the plants themselves are written there, as .glb, for `btf-view scene --mesh` and `btf-view bench gpu --plants`.
 
-Example:
-  cargo xtask volumes --resolution 256 && btf-view scene forest --volume target/volumes/forest.voltex";
+Examples:
+  cargo xtask volumes --resolution 256 && btf-view scene grove --volume target/volumes/tree.voltex
+  cargo xtask volumes --models && btf-view scene grove --mesh target/volumes/tree.glb";
 
 /// Folder in which scripts and volumes are made, relative to the repository's root.
 const FOLDER: &str = "target/volumes";
@@ -50,23 +52,20 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         println!("{HELP}");
         return Ok(());
     }
+    let folder = root().join(FOLDER);
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Failure::new(format!("{} cannot be made: {error}", folder.display())))?;
     let resolution = match arguments {
         [] => None,
+        [option] if option == "--models" => return grow("glb", &[]),
         [option, number] if option == "--resolution" => Some(
             number
                 .parse::<u32>()
                 .map_err(|_| Failure::usage(format!("--resolution takes a number, it was given '{number}'")))?,
         ),
-        _ => return Err(Failure::usage(format!("`volumes` takes --resolution N\n\n{HELP}"))),
+        _ => return Err(Failure::usage(format!("`volumes` takes --resolution N or --models\n\n{HELP}"))),
     };
-    let folder = root().join(FOLDER);
-    std::fs::create_dir_all(&folder)
-        .map_err(|error| Failure::new(format!("{} cannot be made: {error}", folder.display())))?;
-    for (name, options) in GROWN {
-        let script = format!("{FOLDER}/{name}.shapes.toml");
-        let mut synth = cargo(&["run", "--release", "--quiet", "-p", "btf-synth", "--", "plants", &script]);
-        run_checked(synth.args(["--form", "shapes", "--force"]).args(options.split(' ')))?;
-    }
+    grow("shapes.toml", &["--form", "shapes"])?;
     for (name, trees) in FORESTS {
         let [one, other] = trees.map(|(tree, ..)| read(&folder, tree));
         write(&folder, name, &forest_of([&one?, &other?], trees)?)?;
@@ -82,6 +81,16 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
             std::fs::copy(root().join(&volume), &model)
                 .map_err(|error| Failure::new(format!("{} cannot be written: {error}", model.display())))?;
         }
+    }
+    Ok(())
+}
+
+/// Grows the plants into files with an ending.
+fn grow(ending: &str, form: &[&str]) -> Result<(), Failure> {
+    for (name, options) in GROWN {
+        let file = format!("{FOLDER}/{name}.{ending}");
+        let mut synth = cargo(&["run", "--release", "--quiet", "-p", "btf-synth", "--", "plants", &file]);
+        run_checked(synth.args(form).arg("--force").args(options.split(' ')))?;
     }
     Ok(())
 }

@@ -20,4 +20,5 @@ mod rows;
 pub(crate) mod runner;
 pub(crate) mod stand_in;
 pub(crate) mod step;
+mod transitions;
 mod workload;

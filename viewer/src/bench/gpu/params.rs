@@ -12,6 +12,8 @@ pub struct GpuBenchParams {
     pub assets: Vec<Arc<SceneAsset>>,
     /// Model that canopies are made of; where there is none, a plant that comes with the viewer.
     pub mesh: Option<PathBuf>,
+    /// Folder with the models of the landscapes' plants, for which volumes stand in.
+    pub plants: Option<PathBuf>,
     /// Part of the adapter's name, where there are several.
     pub adapter: Option<String>,
     /// How rays are traced; where it is not said, by ray queries if the adapter has them.

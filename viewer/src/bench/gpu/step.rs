@@ -2,7 +2,9 @@
 
 use crate::bench::gpu::params::GpuBenchParams;
 use crate::bench::gpu::rows::{Rows, row_of};
-use crate::bench::gpu::{adapter, canopies, expansion, frames, operations, parity, picture_parity, roofline};
+use crate::bench::gpu::{
+    adapter, canopies, expansion, frames, operations, parity, picture_parity, roofline, transitions,
+};
 use crate::error::ViewerError;
 
 /// A part of the measurement that runs in a process of its own.
@@ -19,7 +21,7 @@ pub(super) struct Step {
 
 /// The steps. Compilers of drivers take tens of seconds for our shaders when they meet them first, so no deadline is short;
 /// software drivers take half a minute for each shader that counts.
-pub(super) const STEPS: [Step; 14] = [
+pub(super) const STEPS: [Step; 15] = [
     Step { name: "adapter", deadline_s: 30, in_quick_runs: true, run: adapter::tell },
     Step { name: "roofline", deadline_s: 60, in_quick_runs: true, run: roofline::measure },
     Step { name: "parity-decode", deadline_s: 120, in_quick_runs: true, run: parity::compare_decoders },
@@ -31,6 +33,7 @@ pub(super) const STEPS: [Step; 14] = [
     Step { name: "parity-pictures", deadline_s: 120, in_quick_runs: true, run: picture_parity::compare_pictures },
     Step { name: "models", deadline_s: 90, in_quick_runs: true, run: frames::models },
     Step { name: "landscapes", deadline_s: 90, in_quick_runs: false, run: frames::landscapes },
+    Step { name: "transitions", deadline_s: 180, in_quick_runs: true, run: transitions::measure },
     Step { name: "workgroups", deadline_s: 60, in_quick_runs: true, run: frames::workgroups },
     Step { name: "expansion", deadline_s: 90, in_quick_runs: true, run: expansion::measure },
     Step { name: "canopies", deadline_s: 120, in_quick_runs: true, run: canopies::canopies },
