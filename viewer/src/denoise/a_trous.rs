@@ -1,4 +1,5 @@
-//! The filter: five passes, whose taps are twice as far apart each time, over the light that falls on what pixels show.
+//! The filter: five passes, whose taps are twice as far apart each time, over the light that falls on what pixels show; and as much of it as
+//! takes more noise than it blurs.
 
 use super::features::Features;
 use glam::Vec3;
@@ -22,6 +23,10 @@ const NORMAL_POWER: i32 = 64;
 const MIN_NORMAL: f32 = 0.3;
 /// Weights along an axis of the pixels around one over which its variance is a mean: that of a single one is known from two values.
 const VARIANCE_TAPS: [f32; 7] = [1.0; 7];
+/// Factor on the variance of noise, which 49 pixels tell to a fifth: what is only noise must not be kept by chance.
+const MARGIN: f32 = 1.2;
+/// Radiance below which differences are not seen the more.
+const MIN_SEEN: f32 = 1e-3;
 /// Weights along an axis of the neighbours from which a pass learns a pixel's variance.
 const NEAR_TAPS: [f32; 3] = [0.25, 0.5, 0.25];
 
@@ -73,13 +78,39 @@ pub(crate) fn a_trous(
         })
         .collect();
     let variances = variance_around(&single, size, &VARIANCE_TAPS);
-    let mut now: Vec<Light> =
+    let noisy: Vec<Light> =
         single.iter().zip(variances).map(|(light, variance)| Light { variance, ..*light }).collect();
-    let slopes: Vec<f32> = (0..radiance.len()).into_par_iter().map(|pixel| slope(features, size, pixel)).collect();
-    for pass in 0..PASSES {
-        now = filtered(&now, features, &slopes, size, 1 << pass);
-    }
-    now.iter().enumerate().map(|(pixel, of)| (of.light * albedo(pixel) + features[pixel].own).to_array()).collect()
+    let clear = smoothed(noisy, features, size);
+    // Squares of what is seen: of the radiance, whose differences are seen the less the brighter it is.
+    let weight = |pixel: usize| {
+        let albedo = albedo(pixel).dot(LUMINANCE);
+        albedo * albedo / (Vec3::from(radiance[pixel]).dot(LUMINANCE).max(0.0) + MIN_SEEN)
+    };
+    let weights: Vec<f32> = (0..radiance.len()).map(weight).collect();
+    let nearest = combined(&single, &clear, &weights, size);
+    nearest.iter().enumerate().map(|(pixel, of)| (*of * albedo(pixel) + features[pixel].own).to_array()).collect()
+}
+
+/// Returns the light after all passes.
+fn smoothed(noisy: Vec<Light>, features: &[Features], size: Size) -> Vec<Light> {
+    let slopes: Vec<f32> = (0..noisy.len()).into_par_iter().map(|pixel| slope(features, size, pixel)).collect();
+    (0..PASSES).fold(noisy, |now, pass| filtered(&now, features, &slopes, size, 1 << pass))
+}
+
+/// Returns the light that is nearest to the truth in the mean of all between what is noisy and what is filtered [James and Stein
+/// 1961]: what both differ by around a pixel is noise and blur, and the share of noise is what the filter may take. Squares count by
+/// `weights`.
+fn combined(noisy: &[Light], clear: &[Light], weights: &[f32], size: Size) -> Vec<Vec3> {
+    let difference = |pixel: usize| noisy[pixel].light - clear[pixel].light;
+    let around = |square: &dyn Fn(usize) -> f32| {
+        let weighted = |pixel: usize| Light { light: Vec3::ZERO, variance: weights[pixel] * square(pixel) };
+        let squares: Vec<Light> = (0..noisy.len()).map(weighted).collect();
+        variance_around(&squares, size, &VARIANCE_TAPS)
+    };
+    let noise = around(&|pixel| noisy[pixel].variance);
+    let both = around(&|pixel| difference(pixel).dot(LUMINANCE).powi(2));
+    let kept = |pixel: usize| 1.0 - (MARGIN * noise[pixel] / both[pixel].max(f32::MIN_POSITIVE)).min(1.0);
+    (0..noisy.len()).map(|pixel| clear[pixel].light + kept(pixel) * difference(pixel)).collect()
 }
 
 /// Returns the mean variance around each pixel, by the weights of an odd number of taps along both axes.
@@ -229,6 +260,30 @@ mod tests {
             let beside = clear[SIZE[0] as usize / 2 - 1][0] - clear[SIZE[0] as usize / 2][0];
             assert!(beside.abs() > 0.7 * (levels[1] - levels[0]), "{levels:?} {beside}");
         }
+    }
+
+    #[test]
+    fn what_only_the_picture_knows_is_blurred_no_more_than_it_has_noise() {
+        let count = (SIZE[0] * SIZE[1]) as usize;
+        let mut random = Random::new(9);
+        // Light differs from pixel to pixel, by two deviations of the noise; features say nothing of it.
+        let truth: Vec<f32> = (0..count).map(|_| random.within(0.6, 1.4)).collect();
+        let mut half = || -> Vec<f32> { truth.iter().map(|x| x + 0.25 * random.within(-1.0, 1.0)).collect() };
+        let (first, second) = (half(), half());
+        let mean: Vec<[f32; 3]> = first.iter().zip(&second).map(|(a, b)| [0.5 * (a + b); 3]).collect();
+        let halfway: Vec<[f32; 3]> = first.iter().map(|x| [*x; 3]).collect();
+        let rms = |own: &mut dyn Iterator<Item = f32>| {
+            (own.zip(&truth).map(|(own, truth)| (own - truth).powi(2)).sum::<f32>() / count as f32).sqrt()
+        };
+        let features = plane(Vec3::Z);
+        let clear = a_trous(&mean, &halfway, 2, &features, SIZE);
+        let [noise, left] = [&mean, &clear].map(|picture| rms(&mut picture.iter().map(|pixel| pixel[1])));
+        assert!(left < 1.05 * noise, "{noise} {left}");
+        // Planted: the passes alone blur more than they clear.
+        let noisy = mean.iter().map(|x| Light { light: Vec3::from(*x), variance: noise * noise }).collect();
+        let blurred = smoothed(noisy, &features, Size(SIZE.map(|side| side as i32)));
+        let alone = rms(&mut blurred.iter().map(|own| own.light.y));
+        assert!(alone > 1.3 * noise, "{noise} {alone}");
     }
 
     #[test]
