@@ -58,8 +58,7 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     let mut scenes = Vec::new();
     for (landscape, camera) in [(Landscape::Forest, 1), (Landscape::Grove, 2), (Landscape::Lawn, 0)] {
         let (mut scene, _) = landscape.scene(&LandscapeParams::default())?;
-        let cameras: Vec<_> = [scene.camera].into_iter().chain(scene.more_cameras.clone()).collect();
-        scene.camera = cameras[camera];
+        scene.camera = *scene.cameras().get(camera).ok_or("a landscape has three cameras")?;
         scenes.push((landscape.name().to_string(), scene));
     }
     if let Some(canopy) = arguments.get(1) {

@@ -125,8 +125,7 @@ pub fn change(pictures: &[Vec<f32>], motions: &[MotionPicture], size: [u32; 2]) 
 fn measure(landscape: Landscape, camera: usize, size: [u32; 2], pictures: u32) -> Result<(), Box<dyn Error>> {
     let params = LandscapeParams { wind_m_per_s: Some(WIND_M_PER_S), ..LandscapeParams::default() };
     let (mut scene, _) = landscape.scene(&params)?;
-    let mut cameras = [scene.camera].into_iter().chain(scene.more_cameras.clone());
-    scene.camera = cameras.nth(camera.wrapping_sub(1)).ok_or("CAMERA is 1 to 3")?;
+    scene.camera = *scene.cameras().get(camera.wrapping_sub(1)).ok_or("CAMERA is 1 to 3")?;
     let motions = motions(&scene, size, pictures)?;
     let truth = sequence(&scene, size, pictures, TRUTH, Seeds::Fixed)?;
     let mean = truth.iter().flatten().map(|x| f64::from(*x)).sum::<f64>() / (truth.len() * truth[0].len()) as f64;

@@ -104,8 +104,7 @@ fn both(landscape: Landscape, view: View, folder: &Path) -> Result<Both, Box<dyn
     let (mut volumes, counts) = landscape.scene(&of_volumes)?;
     let mut triangles = as_triangles(landscape, folder)?;
     for scene in [&mut volumes, &mut triangles] {
-        let mut cameras = [scene.camera].into_iter().chain(scene.more_cameras.clone());
-        scene.camera = cameras.nth(view.camera.wrapping_sub(1)).ok_or("CAMERA is 1 to 3")?;
+        scene.camera = *scene.cameras().get(view.camera.wrapping_sub(1)).ok_or("CAMERA is 1 to 3")?;
         let Some(Outdoors { daylight, .. }) = scene.outdoors.take() else { return Err("no daylight".into()) };
         let light = daylight.sun_and_sky()?;
         scene.stand_outdoors(Outdoors { daylight, parts: view.parts }, light);

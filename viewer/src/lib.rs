@@ -103,7 +103,9 @@ pub use render::headless::{MAX_SIDE, RenderParams, RenderReport, Rendered, Seque
 pub use render::plan::{Plan, PlannedAsset, plan};
 #[cfg(not(target_arch = "wasm32"))]
 pub use render::server::{PictureRequest, PictureServer};
-pub use render::transition_cost::{TRANSITION_PIXELS, TransitionCost, cheapest, measure_transitions};
+pub use render::transition_cost::{
+    TRANSITION_PIXELS, TransitionCost, USUAL_TRANSITION_PIXELS, cheapest, least_cost, measure_transitions,
+};
 pub use scene::asset::{FileForm, SceneAsset, UNKNOWN_SIZE_MM};
 pub use scene::camera::{Camera, CameraFrame};
 pub use scene::file::{SceneView, load_scene, scene_with_assets};

@@ -47,6 +47,14 @@ pub(crate) fn derive<S: Clone>(
     word
 }
 
+/// Returns the commands of a word, without its symbols.
+pub(crate) fn commands<S>(word: Vec<Module<S>>) -> impl Iterator<Item = Command> {
+    word.into_iter().filter_map(|module| match module {
+        Module::Draw(command) => Some(command),
+        Module::Symbol(_) => None,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use rand::{Rng, SeedableRng};

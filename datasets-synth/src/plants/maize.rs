@@ -22,7 +22,7 @@ use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::plants::blade::{BladeShape, Course, Outline, TextureAlong};
-use crate::plants::lsystem::{Module, derive};
+use crate::plants::lsystem::{Module, commands, derive};
 use crate::plants::params::{PlantsParams, smooth};
 use crate::plants::plant::{Part, Plant};
 use crate::plants::turtle::{Command, interpret};
@@ -78,10 +78,7 @@ pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Pl
     ];
     // A rank a step, and one more for the organs of the last.
     let word = derive(axiom, leaves + 2, |symbol| maize.produce(symbol, random));
-    interpret(word.into_iter().filter_map(|module| match module {
-        Module::Draw(command) => Some(command),
-        Module::Symbol(_) => None,
-    }))
+    interpret(commands(word))
 }
 
 impl Maize<'_> {

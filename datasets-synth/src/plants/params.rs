@@ -132,6 +132,13 @@ impl PlantsParams {
         }
     }
 
+    /// Returns the numbers of branches and leaves of a tree at its stage, which grow with the square of its height; at
+    /// least 1 each.
+    pub(crate) fn branches_and_leaves(&self) -> [usize; 2] {
+        let share = self.stage.max(0.05).powi(2);
+        [self.branches, self.leaves].map(|count| ((count as f64 * share).round() as usize).max(1))
+    }
+
     /// Checks every range.
     ///
     /// # Errors

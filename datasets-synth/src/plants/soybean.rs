@@ -21,7 +21,7 @@ use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::plants::blade::{BladeShape, Course, Outline, TextureAlong};
-use crate::plants::lsystem::{Module, derive};
+use crate::plants::lsystem::{Module, commands, derive};
 use crate::plants::params::{PlantsParams, smooth};
 use crate::plants::plant::{Part, Plant};
 use crate::plants::turtle::{Command, interpret};
@@ -72,10 +72,7 @@ pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Pl
         Module::Symbol(Symbol::Apex { node: 1, order: 0, since: 0.0 }),
     ];
     let word = derive(axiom, nodes + 2, |symbol| soybean.produce(symbol, random));
-    interpret(word.into_iter().filter_map(|module| match module {
-        Module::Draw(command) => Some(command),
-        Module::Symbol(_) => None,
-    }))
+    interpret(commands(word))
 }
 
 impl Soybean<'_> {

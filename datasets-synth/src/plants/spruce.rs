@@ -25,10 +25,10 @@ use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::plants::blade::{BladeShape, Course, Outline, TextureAlong};
-use crate::plants::lsystem::{Module, derive};
+use crate::plants::lsystem::{Module, commands, derive};
 use crate::plants::params::{PlantsParams, smooth};
 use crate::plants::plant::{Part, Plant};
-use crate::plants::turtle::{Command, interpret};
+use crate::plants::turtle::{Command, GOLDEN_RAD, interpret};
 
 /// Length of the largest shoot in metres. Its texture covers the same length.
 pub(crate) const SHOOT_LENGTH_M: f64 = 0.1;
@@ -41,9 +41,6 @@ const PIPE_RADIUS_M: f64 = 0.7e-3;
 
 /// Height of a tree per root of its shoots, in metres: 6000 shoots on 3.3 m.
 const HEIGHT_PER_ROOT_M: f64 = 0.043;
-
-/// Golden angle in radians.
-const GOLDEN_RAD: f64 = 2.399_963_229_728_653;
 
 /// Branches of a year.
 const BRANCHES_OF_YEAR: usize = 8;
@@ -80,9 +77,7 @@ struct Start {
 
 /// Generates a spruce.
 pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Plant {
-    let share = params.stage.max(0.05).powi(2);
-    let of = |count: usize| ((count as f64 * share).round() as usize).max(1);
-    let (branches, shoots) = (of(params.branches), of(params.leaves));
+    let [branches, shoots] = params.branches_and_leaves();
     let length_m = HEIGHT_PER_ROOT_M * (shoots as f64).sqrt() * random.gen_range(0.94..1.06);
     let trunk = Limb { order: 0, length_m, depth: 0.0, branches: branches - 1, shoots };
     let axiom = vec![Module::Draw(Command::Roll(random.gen_range(0.0..TAU))), Module::Symbol(trunk)];
@@ -94,10 +89,7 @@ pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Pl
             _ => twig_of(limb, &foliage, random),
         })
     });
-    interpret(word.into_iter().filter_map(|module| match module {
-        Module::Draw(command) => Some(command),
-        Module::Symbol(_) => None,
-    }))
+    interpret(commands(word))
 }
 
 /// Returns `count` in whole shares in proportion to weights, together exactly `count`; nothing where there are no weights.

@@ -21,10 +21,10 @@ use rand::Rng;
 use rand_xoshiro::Xoshiro256PlusPlus;
 
 use crate::plants::blade::{BladeShape, Course, Outline, TextureAlong};
-use crate::plants::lsystem::{Module, derive};
+use crate::plants::lsystem::{Module, commands, derive};
 use crate::plants::params::PlantsParams;
 use crate::plants::plant::{Part, Plant};
-use crate::plants::turtle::{Command, interpret};
+use crate::plants::turtle::{Command, GOLDEN_RAD, interpret};
 
 /// Length of the largest leaf in metres. Its texture covers the same length.
 pub(crate) const LEAF_LENGTH_M: f64 = 0.1;
@@ -37,9 +37,6 @@ const PIPE_RADIUS_M: f64 = 1.1e-3;
 
 /// Height of a tree per root of its leaves, in metres: 6000 leaves on 4.5 m.
 const HEIGHT_PER_ROOT_M: f64 = 0.058;
-
-/// Golden angle in radians.
-const GOLDEN_RAD: f64 = 2.399_963_229_728_653;
 
 /// Last order, which bears leaves.
 const TWIG: usize = 3;
@@ -63,9 +60,7 @@ struct Tree<'a> {
 
 /// Generates a tree.
 pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Plant {
-    let share = params.stage.max(0.05).powi(2);
-    let of = |count: usize| ((count as f64 * share).round() as usize).max(1);
-    let (branches, leaves) = (of(params.branches), of(params.leaves));
+    let [branches, leaves] = params.branches_and_leaves();
     let tree = Tree {
         params,
         counts: orders(branches),
@@ -75,10 +70,7 @@ pub(crate) fn grow(params: &PlantsParams, random: &mut Xoshiro256PlusPlus) -> Pl
     let trunk = Shoot { order: 0, number: 0, length_m: tree.height_m };
     let axiom = vec![Module::Draw(Command::Roll(random.gen_range(0.0..2.0 * PI))), Module::Symbol(trunk)];
     let word = derive(axiom, TWIG + 1, |shoot| Some(tree.produce(shoot, random)));
-    interpret(word.into_iter().filter_map(|module| match module {
-        Module::Draw(command) => Some(command),
-        Module::Symbol(_) => None,
-    }))
+    interpret(commands(word))
 }
 
 /// Returns the number of branches of each order, together `branches`.

@@ -8,6 +8,9 @@ use crate::plants::plant::{Axis, Node, Part, Plant};
 use crate::plants::vec3::{UP, Vec3, along, direction_or, scale, sub, turned};
 use crate::vector::{cross, dot};
 
+/// Golden angle in radians: from branch to branch around an axis [Prusinkiewicz & Lindenmayer 1990, section 4.1].
+pub(crate) const GOLDEN_RAD: f64 = 2.399_963_229_728_653;
+
 /// Command to the turtle. Angles are in radians, lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Command {

@@ -263,8 +263,7 @@ pub(super) fn landscape_points() -> Result<Vec<(&'static str, &'static str, Scen
     let mut points = Vec::new();
     for landscape in [Landscape::Lawn, Landscape::Grove, Landscape::Forest] {
         let (scene, _) = landscape.scene(&LandscapeParams::default())?;
-        let seen = std::iter::once(scene.camera).chain(scene.more_cameras.iter().copied());
-        for (variant, camera) in CAMERAS.into_iter().zip(seen) {
+        for (variant, camera) in CAMERAS.into_iter().zip(scene.cameras()) {
             points.push((variant, landscape.name(), Scene { camera, ..scene.clone() }));
         }
     }

@@ -3,7 +3,10 @@
 use super::parse::Transition;
 use super::progress::with_progress;
 use super::scene_options::PictureArguments;
-use btf_viewer::{RenderParams, Scene, TransitionCost, ViewerError, cheapest, measure_transitions};
+use btf_viewer::{
+    RenderParams, Scene, TransitionCost, USUAL_TRANSITION_PIXELS, ViewerError, cheapest, least_cost,
+    measure_transitions,
+};
 use std::fmt;
 
 /// Where meshes pass into volumes, and what was measured for it; a key of `--json`.
@@ -24,9 +27,8 @@ pub(super) fn choose_transition(
     arguments: &PictureArguments,
     params: &RenderParams,
 ) -> Result<Option<TransitionReport>, ViewerError> {
-    let has_transitions = scene.volumes.is_some() && scene.geometry.widest_leaf() > 0.0;
     let asked = arguments.lod_transition;
-    if !has_transitions {
+    if !scene.has_transitions() {
         return match asked {
             None => Ok(None),
             Some(_) => Err(ViewerError::Usage(
@@ -36,7 +38,7 @@ pub(super) fn choose_transition(
             )),
         };
     }
-    let (pixels, measured) = match asked.unwrap_or(Transition::Pixels(1.0)) {
+    let (pixels, measured) = match asked.unwrap_or(Transition::Pixels(USUAL_TRANSITION_PIXELS)) {
         Transition::Pixels(pixels) => (pixels, Vec::new()),
         Transition::Auto => {
             let quiet = arguments.render.quiet;
@@ -50,7 +52,7 @@ pub(super) fn choose_transition(
 
 impl fmt::Display for TransitionReport {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let least = self.measured.iter().map(TransitionCost::cost).fold(f64::INFINITY, f64::min);
+        let least = least_cost(&self.measured);
         for own in &self.measured {
             let TransitionCost { pixels, frame_ms, variance } = own;
             let chosen = if *pixels == self.pixels { ", taken" } else { "" };

@@ -50,6 +50,7 @@ pub(crate) enum AfterVolumes {
 
 /// Places along a ray that hide a part of the pixel together.
 struct NearPoints {
+    /// Seed of the numbers that places and rays to lights draw.
     seed: u32,
     /// Numbers that the places have drawn.
     draws: u32,

@@ -77,7 +77,7 @@ pub(crate) fn a_trous(
             Light { light, variance: apart * apart * first * rest / (all * all) }
         })
         .collect();
-    let variances = variance_around(&single, size, &VARIANCE_TAPS);
+    let variances = mean_around(|pixel| single[pixel].variance, size, &VARIANCE_TAPS);
     let noisy: Vec<Light> =
         single.iter().zip(variances).map(|(light, variance)| Light { variance, ..*light }).collect();
     let clear = smoothed(noisy, features, size);
@@ -102,20 +102,15 @@ fn smoothed(noisy: Vec<Light>, features: &[Features], size: Size) -> Vec<Light> 
 /// `weights`.
 fn combined(noisy: &[Light], clear: &[Light], weights: &[f32], size: Size) -> Vec<Vec3> {
     let difference = |pixel: usize| noisy[pixel].light - clear[pixel].light;
-    let around = |square: &dyn Fn(usize) -> f32| {
-        let weighted = |pixel: usize| Light { light: Vec3::ZERO, variance: weights[pixel] * square(pixel) };
-        let squares: Vec<Light> = (0..noisy.len()).map(weighted).collect();
-        variance_around(&squares, size, &VARIANCE_TAPS)
-    };
-    let noise = around(&|pixel| noisy[pixel].variance);
-    let both = around(&|pixel| difference(pixel).dot(LUMINANCE).powi(2));
+    let noise = mean_around(|pixel| weights[pixel] * noisy[pixel].variance, size, &VARIANCE_TAPS);
+    let both = mean_around(|pixel| weights[pixel] * difference(pixel).dot(LUMINANCE).powi(2), size, &VARIANCE_TAPS);
     let kept = |pixel: usize| 1.0 - (MARGIN * noise[pixel] / both[pixel].max(f32::MIN_POSITIVE)).min(1.0);
     (0..noisy.len()).map(|pixel| clear[pixel].light + kept(pixel) * difference(pixel)).collect()
 }
 
-/// Returns the mean variance around each pixel, by the weights of an odd number of taps along both axes.
-fn variance_around(lights: &[Light], size: Size, taps: &[f32]) -> Vec<f32> {
-    let Size([width, _]) = size;
+/// Returns the mean of a number of the pixels around each pixel, by the weights of an odd number of taps along both axes.
+fn mean_around(value: impl Fn(usize) -> f32 + Sync, size: Size, taps: &[f32]) -> Vec<f32> {
+    let Size([width, height]) = size;
     let radius = taps.len() as i32 / 2;
     let mean = |pixel: usize| {
         let (x, y) = (pixel as i32 % width, pixel as i32 / width);
@@ -123,14 +118,14 @@ fn variance_around(lights: &[Light], size: Size, taps: &[f32]) -> Vec<f32> {
         for (j, row) in (-radius..).zip(taps) {
             for (i, tap) in (-radius..).zip(taps) {
                 if let Some(other) = size.pixel(x + i, y + j) {
-                    sum += row * tap * lights[other].variance;
+                    sum += row * tap * value(other);
                     weights += row * tap;
                 }
             }
         }
         sum / weights
     };
-    (0..lights.len()).into_par_iter().map(mean).collect()
+    (0..(width * height) as usize).into_par_iter().map(mean).collect()
 }
 
 /// Returns how much the nearness changes from a pixel to the next one, on the smoother side of both axes.
@@ -166,7 +161,7 @@ fn likeness(a: &Features, b: &Features, slope: f32, far: f32) -> f32 {
 /// Returns one pass of the filter, whose taps are `step` pixels apart.
 fn filtered(lights: &[Light], features: &[Features], slopes: &[f32], size: Size, step: i32) -> Vec<Light> {
     let Size([width, _]) = size;
-    let blurred = variance_around(lights, size, &NEAR_TAPS);
+    let blurred = mean_around(|pixel| lights[pixel].variance, size, &NEAR_TAPS);
     let one = |pixel: usize| {
         let (x, y) = (pixel as i32 % width, pixel as i32 / width);
         let here = lights[pixel].light.dot(LUMINANCE);

@@ -223,8 +223,7 @@ struct Planner<'a> {
 
 /// Returns the scene from each of its cameras.
 fn views(scene: &Scene) -> impl Iterator<Item = Scene> {
-    let cameras = std::iter::once(&scene.camera).chain(&scene.more_cameras);
-    cameras.map(|camera| Scene { camera: *camera, ..scene.clone() })
+    scene.cameras().into_iter().map(|camera| Scene { camera, ..scene.clone() })
 }
 
 fn pictures(

@@ -29,9 +29,9 @@ use web_time::Instant;
 pub const TRANSITION_PIXELS: [f32; 2] = [1.0 / 1024.0, 1024.0];
 /// Widths that are compared besides, from wide to narrow.
 const COMPARED: [f32; 7] = [4.0, 2.0, 1.0, 0.5, 0.25, 0.125, 0.0625];
-/// The usual width, which is kept where another saves less than [`MIN_SAVING`]. Wider leaves stay meshes whatever they cost, because
+/// The usual width, pixels, which is kept where another saves less than a twentieth. Wider leaves stay meshes whatever they cost, because
 /// their volumes are seen to be blurred.
-const USUAL: f32 = 1.0;
+pub const USUAL_TRANSITION_PIXELS: f32 = 1.0;
 /// Share of the cost that another transition than the usual one must save.
 const MIN_SAVING: f64 = 0.05;
 /// Parts of the picture that are drawn, along both sides.
@@ -59,12 +59,19 @@ impl TransitionCost {
     }
 }
 
+/// Returns the least cost of all, milliseconds to a noise of 1; infinity of none.
+pub fn least_cost(costs: &[TransitionCost]) -> f64 {
+    costs.iter().map(TransitionCost::cost).fold(f64::INFINITY, f64::min)
+}
+
 /// Returns the cheapest transition of those that leave leaves of a pixel and more meshes, pixels; the usual one, which is a pixel, where
 /// none is cheaper by much, and where there is none.
 pub fn cheapest(costs: &[TransitionCost]) -> f32 {
-    let usual = costs.iter().find(|own| own.pixels == USUAL).map_or(f64::INFINITY, TransitionCost::cost);
-    let least = costs.iter().filter(|own| own.pixels <= USUAL).min_by(|a, b| a.cost().total_cmp(&b.cost()));
-    least.filter(|own| own.cost() < (1.0 - MIN_SAVING) * usual).map_or(USUAL, |own| own.pixels)
+    let usual =
+        costs.iter().find(|own| own.pixels == USUAL_TRANSITION_PIXELS).map_or(f64::INFINITY, TransitionCost::cost);
+    let least =
+        costs.iter().filter(|own| own.pixels <= USUAL_TRANSITION_PIXELS).min_by(|a, b| a.cost().total_cmp(&b.cost()));
+    least.filter(|own| own.cost() < (1.0 - MIN_SAVING) * usual).map_or(USUAL_TRANSITION_PIXELS, |own| own.pixels)
 }
 
 /// Measures what the scene's camera sees with transitions from volumes alone to meshes alone; nothing where no volume stands in for a
@@ -79,7 +86,7 @@ pub fn measure_transitions(
     control: &Control,
 ) -> Result<Vec<TransitionCost>, ViewerError> {
     params.check()?;
-    if scene.geometry.widest_leaf() <= 0.0 || scene.volumes.is_none() {
+    if !scene.has_transitions() {
         return Ok(Vec::new());
     }
     let [least, most] = TRANSITION_PIXELS;

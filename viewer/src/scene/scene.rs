@@ -452,6 +452,16 @@ impl Scene {
         Ok(())
     }
 
+    /// Returns all cameras, the one in use first.
+    pub fn cameras(&self) -> Vec<Camera> {
+        std::iter::once(self.camera).chain(self.more_cameras.iter().copied()).collect()
+    }
+
+    /// Tells whether volumes stand in for meshes that are small in the picture.
+    pub fn has_transitions(&self) -> bool {
+        self.volumes.is_some() && self.geometry.widest_leaf() > 0.0
+    }
+
     /// Multiplies the distances up to which meshes are seen as such for which volumes stand in. Without any it does nothing.
     pub fn scale_transitions(&mut self, factor: f32) {
         let Some(volumes) = &mut self.volumes else { return };

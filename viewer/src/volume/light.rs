@@ -11,7 +11,7 @@ const END: f32 = 1.0 / 255.0;
 /// Optical depth beyond which a ray ends that counts all of it.
 const MAX_DEPTH: f32 = 7.824_046;
 /// Share of light that counts as none: a ray to a light ends there at the latest.
-const LEAST_PASSED: f32 = 4e-4;
+const MIN_PASSED: f32 = 4e-4;
 /// Share of light below which a ray to a light goes on by chance, as likely as what is left of the share, and then counts that share:
 /// the mean is the same. Rays end where next to nothing passes, for no noise that is seen.
 const ROULETTE: f32 = 0.3;
@@ -26,7 +26,7 @@ pub(crate) const AROUND_ROUGHNESS: f32 = 0.7;
 #[cfg(test)]
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("VOLUME_END", END),
-    ("VOLUME_LEAST_PASSED", LEAST_PASSED),
+    ("VOLUME_MIN_PASSED", MIN_PASSED),
     ("VOLUME_ROULETTE", ROULETTE),
     ("VOLUME_MIN_OPACITY", MIN_OPACITY),
     ("VOLUME_SHADOW_STEP", SHADOW_STEP),
@@ -227,7 +227,7 @@ impl Volumes {
 
 /// Returns the optical depth beyond which a ray to a light ends, where depths count `factor`.
 fn most_depth(factor: f32, chance: f32) -> f32 {
-    -(ROULETTE * chance).max(LEAST_PASSED).ln() / factor.max(1e-6)
+    -(ROULETTE * chance).max(MIN_PASSED).ln() / factor.max(1e-6)
 }
 
 /// Returns the share of a light that passes so great a depth, where depths count `factor`; in the mean over the chance that said how

@@ -4,7 +4,7 @@
 // Transmittance below which a ray ends.
 const VOLUME_END: f32 = 0.003921569;
 // Share of light that counts as none: a ray to a light ends there at the latest.
-const VOLUME_LEAST_PASSED: f32 = 4e-4;
+const VOLUME_MIN_PASSED: f32 = 4e-4;
 // Share of light below which a ray to a light goes on by chance, as likely as what is left of the share, and then counts that share.
 const VOLUME_ROULETTE: f32 = 0.3;
 // What hides less of a pixel is left out: it may be there or not by rounding.
@@ -165,7 +165,7 @@ fn volume_depth(origin: vec3<f32>, direction: vec3<f32>, t_max: f32, width: f32,
 
 // Returns the optical depth beyond which a ray to a light ends, where depths count `factor`.
 fn volume_most_depth(factor: f32, chance: f32) -> f32 {
-    return -log(max(VOLUME_ROULETTE * chance, VOLUME_LEAST_PASSED)) / max(factor, 1e-6);
+    return -log(max(VOLUME_ROULETTE * chance, VOLUME_MIN_PASSED)) / max(factor, 1e-6);
 }
 
 // Returns the share of a light that passes so great a depth, where depths count `factor`; in the mean over the chance that said how

@@ -52,9 +52,6 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         println!("{HELP}");
         return Ok(());
     }
-    let folder = root().join(FOLDER);
-    std::fs::create_dir_all(&folder)
-        .map_err(|error| Failure::new(format!("{} cannot be made: {error}", folder.display())))?;
     let resolution = match arguments {
         [] => None,
         [option] if option == "--models" => return grow("glb", &[]),
@@ -66,6 +63,7 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
         _ => return Err(Failure::usage(format!("`volumes` takes --resolution N or --models\n\n{HELP}"))),
     };
     grow("shapes.toml", &["--form", "shapes"])?;
+    let folder = root().join(FOLDER);
     for (name, trees) in FORESTS {
         let [one, other] = trees.map(|(tree, ..)| read(&folder, tree));
         write(&folder, name, &forest_of([&one?, &other?], trees)?)?;
@@ -87,6 +85,9 @@ pub fn run(arguments: &[String]) -> Result<(), Failure> {
 
 /// Grows the plants into files with an ending.
 fn grow(ending: &str, form: &[&str]) -> Result<(), Failure> {
+    let folder = root().join(FOLDER);
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Failure::new(format!("{} cannot be made: {error}", folder.display())))?;
     for (name, options) in GROWN {
         let file = format!("{FOLDER}/{name}.{ending}");
         let mut synth = cargo(&["run", "--release", "--quiet", "-p", "btf-synth", "--", "plants", &file]);

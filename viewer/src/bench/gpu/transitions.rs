@@ -8,14 +8,14 @@ use crate::error::ViewerError;
 use crate::gpu::backend::BackendChoice;
 use crate::render::control::Control;
 use crate::render::headless::RenderParams;
-use crate::render::transition_cost::{TransitionCost, cheapest, measure_transitions};
+use crate::render::transition_cost::{TransitionCost, cheapest, least_cost, measure_transitions};
 use crate::scene::landscape::{Landscape, LandscapeParams};
 use serde::Serialize;
 use std::path::PathBuf;
 
 /// Width and height of the pictures.
 const SIZE: [u32; 2] = [1920, 1080];
-/// Those of quick runs.
+/// Width and height of the pictures of quick runs.
 const QUICK_SIZE: [u32; 2] = [64, 36];
 /// Names of the plants' models, as `cargo xtask volumes --models` writes them.
 const MODELS: [(Landscape, &[&str]); 3] = [
@@ -66,11 +66,10 @@ pub(super) fn measure(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerE
     for (landscape, meshes) in whole {
         let (mut scene, _) =
             landscape.scene(&LandscapeParams { meshes: meshes.clone(), ..LandscapeParams::default() })?;
-        let cameras: Vec<_> = std::iter::once(scene.camera).chain(scene.more_cameras.clone()).collect();
-        for (variant, camera) in CAMERAS.into_iter().zip(cameras) {
+        for (variant, camera) in CAMERAS.into_iter().zip(scene.cameras()) {
             scene.camera = camera;
             let costs = measure_transitions(&scene, &render, &Control::SILENT)?;
-            let least = costs.iter().map(TransitionCost::cost).fold(f64::INFINITY, f64::min);
+            let (least, taken) = (least_cost(&costs), cheapest(&costs));
             for cost in &costs {
                 let row = TransitionRow {
                     mesh: landscape.name(),
@@ -79,7 +78,7 @@ pub(super) fn measure(params: &GpuBenchParams, rows: Rows) -> Result<(), ViewerE
                     height: render.size[1],
                     cost: *cost,
                     relative_cost: cost.cost() / least,
-                    is_taken: cost.pixels == cheapest(&costs),
+                    is_taken: cost.pixels == taken,
                 };
                 rows(row_of("transition", &row));
             }

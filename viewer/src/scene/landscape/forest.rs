@@ -56,9 +56,9 @@ pub(super) const ON_STEEP_PLACES: u8 = 1;
 pub(super) const ON_HEIGHTS: u8 = 2;
 /// Factors on what leaves and bark reflect and transmit, by alternative, where one kind of trees stands for all.
 const ALIKE_TINTS: [[f32; 3]; 3] = [[1.15, 1.1, 0.95], [1.6, 1.2, 0.7], [0.55, 0.7, 0.75]];
-/// Those of broad-leaved trees.
+/// Factors on what broad-leaved trees reflect and transmit.
 const BROAD_TINTS: [[f32; 3]; 2] = [ALIKE_TINTS[IN_VALLEYS as usize], ALIKE_TINTS[ON_STEEP_PLACES as usize]];
-/// That of spruces.
+/// Factors on what spruces reflect and transmit.
 const SPRUCE_TINTS: [[f32; 3]; 1] = [[0.75, 0.8, 0.9]];
 
 /// Broad-leaved trees and spruces; or one kind of trees in three colours. Each volume is two trees in a cube, as `cargo xtask volumes` sets

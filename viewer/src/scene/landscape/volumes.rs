@@ -25,7 +25,7 @@ pub(super) struct LandscapeVolumes {
 pub(super) struct Wanted<'a> {
     /// Name of the landscape, for messages.
     pub name: &'a str,
-    /// Its volumes.
+    /// Volumes that it grows of.
     pub flora: &'a Flora,
     /// Whether volumes must go on into each other.
     pub cyclic: bool,
