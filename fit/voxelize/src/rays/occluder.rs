@@ -21,6 +21,12 @@ pub struct Met {
     pub triangle: usize,
 }
 
+/// Returns a ray. The hierarchy's traversal loses what it meets where a component of the direction is -0, which
+/// becomes 0.
+fn ray(origin: Vec3, direction: Vec3, t_max: f32) -> Ray {
+    Ray::new(Vec3A::from(origin), Vec3A::from(direction + Vec3::ZERO), 0.0, t_max)
+}
+
 impl Occluder {
     /// Builds the hierarchy over triangles.
     pub fn new(triangles: &[[Vec3; 3]]) -> Occluder {
@@ -33,7 +39,7 @@ impl Occluder {
 
     /// Returns the nearest triangle along a ray.
     pub fn trace(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Met> {
-        let ray = Ray::new(Vec3A::from(origin), Vec3A::from(direction), 0.0, t_max);
+        let ray = ray(origin, direction, t_max);
         let mut hit = RayHit::none();
         self.bvh
             .ray_traverse(ray, &mut hit, |ray, id| {
@@ -44,7 +50,7 @@ impl Occluder {
 
     /// Tells whether a ray meets any triangle.
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32) -> bool {
-        let ray = Ray::new(Vec3A::from(origin), Vec3A::from(direction), 0.0, t_max);
+        let ray = ray(origin, direction, t_max);
         !self
             .bvh
             .ray_traverse_miss(ray, |ray, id| self.triangles[self.bvh.primitive_indices[id] as usize].intersect(ray))
@@ -67,7 +73,15 @@ mod tests {
         let mut met = 0;
         for triangle in &triangles {
             let middle = triangle.iter().sum::<Vec3>() / 3.0;
-            for direction in [Vec3::X, Vec3::NEG_Y, Vec3::Z, Vec3::new(0.6, 0.0, -0.8), Vec3::new(0.0, 0.8, 0.6)] {
+            for direction in [
+                Vec3::X,
+                Vec3::NEG_Y,
+                Vec3::Z,
+                Vec3::new(0.6, 0.0, -0.8),
+                Vec3::new(0.0, 0.8, 0.6),
+                Vec3::new(0.6, 0.8, -0.0),
+                Vec3::new(-0.8, -0.0, 0.6),
+            ] {
                 let origin = middle - 0.05 * direction;
                 assert!(occluder.occluded(origin, direction, 0.1), "{direction}");
                 assert!(occluder.occluded(middle - 9.0 * direction, direction, 10.0), "{direction} from outside");
