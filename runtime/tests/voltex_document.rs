@@ -6,7 +6,7 @@ mod document;
 
 use btf_runtime::testing::{Random, sample_volume};
 use btf_runtime::voltex::{
-    Facets, LevelShadow, MicroflakeMaterial, Sym3, Voltex, VoltexSection, Volume, VolumeLevel, Voxel,
+    Facets, LevelShadow, LightCorrection, MicroflakeMaterial, Sym3, Voltex, VoltexSection, Volume, VolumeLevel, Voxel,
     read_voltex_directory,
 };
 use document::{block, bytes_from_dump, output_of, python};
@@ -33,6 +33,7 @@ fn example() -> Volume {
                 shadow: shadow(0.5),
                 clumping: Sym3([-0.25, 0.0, 0.125, 0.0, 0.0, 0.0]),
                 facets: Facets::default(),
+                light_correction: LightCorrection::default(),
                 voxels: vec![
                     ([1, 0, 0], voxel([4.0, 1.0, 1.0, 0.0, 0.0, 0.5], 1)),
                     ([1, 1, 0], voxel([0.0, 0.0, 16.0, 0.0, 0.0, 0.0], 0)),
@@ -43,6 +44,7 @@ fn example() -> Volume {
                 shadow: shadow(1.0),
                 clumping: Sym3([-0.5, 0.0, 0.25, 0.0, 0.125, 0.0]),
                 facets: Facets(std::array::from_fn(|i| if i < 6 { 0.5 } else { 0.0 })),
+                light_correction: LightCorrection(std::array::from_fn(|i| if i < 3 { 0.125 } else { 0.0 })),
                 voxels: vec![([0; 3], voxel([0.25, 0.0625, 0.5, 0.0, -0.125, 0.0], 1))],
                 others: Vec::new(),
             },
@@ -117,6 +119,7 @@ fn numbers_of(bytes: &[u8]) -> BTreeMap<String, Vec<f64>> {
         all.insert(format!("level {index}: shadow"), wide(&shadow));
         all.insert(format!("level {index}: clumping"), wide(&level.clumping.0));
         all.insert(format!("level {index}: facets"), wide(&level.facets.0));
+        all.insert(format!("level {index}: correction of light"), wide(&level.light_correction.0));
         for (i, (at, voxel)) in level.voxels.iter().enumerate() {
             let place = at.iter().chain([&voxel.material]).map(|x| f64::from(*x));
             let numbers = place.chain(wide(&voxel.extinction.0)).collect();

@@ -272,6 +272,8 @@ fn planted() -> Vec<(Rule, Vec<u8>)> {
     list.extend(clumpings.map(|(at, value)| (own::CLUMPING_RANGE, with_word(Level, 0, at, value))));
     let facets = [(17, 64.5f32.to_bits()), (24, NAN), (31, 0xc280_0001)];
     list.extend(facets.map(|(at, value)| (own::FACETS_RANGE, with_word(Level, 0, at, value))));
+    let corrections = [(32, 64.5f32.to_bits()), (40, NAN), (57, 0xc280_0001)];
+    list.extend(corrections.map(|(at, value)| (own::LIGHT_CORRECTION_RANGE, with_word(Level, 0, at, value))));
     let mut bricked = parts_of(&sample_volume(7, 9, 20));
     let level = bricked.sections.iter_mut().rfind(|section| section.head[0] == Level as u32).expect("it has levels");
     *level.bytes.last_mut().expect("it has counts") ^= 1;

@@ -117,12 +117,13 @@ def read_voxels(decoder, expected):
 
 
 def read_numbers(section):
-    """The shadow's numbers, the clumping's and the facets'."""
-    shadow, clumping, facets = (section.numbers("f", count) for count in (11, 6, 15))
+    """The shadow's numbers, the clumping's, the facets' and those of the correction of light."""
+    shadow, clumping, facets, light = (section.numbers("f", count) for count in (11, 6, 15, 26))
     must(0 <= shadow[0] <= 1024 and all(-16 <= share <= 1 for share in shadow[1:]), "a shadow is out of its range")
     must(all(-4 <= entry <= 4 for entry in clumping), "a clumping is out of its range")
     must(all(-64 <= number <= 64 for number in facets), "facets are out of their range")
-    return shadow, clumping, facets
+    must(all(-64 <= number <= 64 for number in light), "a correction of light is out of its range")
+    return shadow, clumping, facets, light
 
 
 def read_stream(section, coarser, materials):
@@ -198,7 +199,7 @@ def read(path):
         if not head.has(LEVEL, 0, index) and index > 0 and not head.whole:
             break
         section = head.section(LEVEL, 0, index)
-        shadow, clumping, facets = read_numbers(section)
+        shadow, clumping, facets, light = read_numbers(section)
         if index < 8:
             found = read_stream(section, coarser, head.materials)
         else:
@@ -211,6 +212,7 @@ def read(path):
         show(f"level {index}: shadow", shadow)
         show(f"level {index}: clumping", clumping)
         show(f"level {index}: facets", facets)
+        show(f"level {index}: correction of light", light)
         for i, (place, voxel) in enumerate(coarser):
             show(f"level {index}: voxel {i}", [*place, voxel.material, *voxel.matrix()])
         for i, voxel in others:

@@ -60,7 +60,7 @@ const VOLTEX_HEAD: &str = "\
 //
 ";
 /// Functions that a renderer calls; the others serve them.
-const VOLTEX_CALLED: [&str; 17] = [
+const VOLTEX_CALLED: [&str; 18] = [
     "voltex_level_count",
     "voltex_cyclic",
     "voltex_extent",
@@ -72,6 +72,7 @@ const VOLTEX_CALLED: [&str; 17] = [
     "voltex_shadow_offset",
     "voltex_clumping_along",
     "voltex_facets_along",
+    "voltex_brighter_between",
     "voltex_walk_new",
     "voltex_walk_next",
     "voltex_shade",

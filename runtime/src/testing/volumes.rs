@@ -1,7 +1,9 @@
 //! Small volumetric textures of random microflakes, and rays through them.
 
 use crate::testing::random::{Random, sphere_direction};
-use crate::voltex::{Facets, LevelShadow, MicroflakeMaterial, Sym3, VoltexRay, Volume, VolumeLevel, Voxel, order};
+use crate::voltex::{
+    Facets, LevelShadow, LightCorrection, MicroflakeMaterial, Sym3, VoltexRay, Volume, VolumeLevel, Voxel, order,
+};
 use std::collections::BTreeSet;
 
 /// Returns a volume of `levels` levels (1 to 13), with `count` voxels at the finest or as many as there is room for.
@@ -18,7 +20,8 @@ pub fn sample_volume(seed: u64, levels: usize, count: usize) -> Volume {
         let clumping = Sym3([0.5, -0.25, -0.125, 0.25, 0.0, -0.375]);
         let others = some_others(&mut random, voxels.len(), sample_voxel);
         let facets = Facets(std::array::from_fn(|i| 0.25 * (i as f32 - 7.0)));
-        all.push(VolumeLevel { shadow, clumping, facets, voxels, others });
+        let light_correction = LightCorrection(std::array::from_fn(|i| 0.0625 * (i as f32 - 12.0)));
+        all.push(VolumeLevel { shadow, clumping, facets, light_correction, voxels, others });
         cells = cells.iter().map(|at| at.map(|x| x / 2)).collect();
     }
     // Numbers that half precision has.
@@ -85,6 +88,7 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
             },
             clumping: Sym3(std::array::from_fn(|_| random.within(-0.5, 0.5))),
             facets: Facets(std::array::from_fn(|_| random.within(-2.0, 2.0))),
+            light_correction: LightCorrection(std::array::from_fn(|_| random.within(-0.3, 0.3))),
             voxels,
             others,
         });

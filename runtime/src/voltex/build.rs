@@ -32,6 +32,7 @@ impl Voltex {
             words.extend(level.shadow.shared.map(f32::to_bits));
             words.extend(level.clumping.0.map(f32::to_bits));
             words.extend(level.facets.0.map(f32::to_bits));
+            words.extend(level.light_correction.0.map(f32::to_bits));
         }
         let (nodes, voxels) = tree_of(volume);
         words[NODES_AT] = words.len() as u32;

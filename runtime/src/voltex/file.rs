@@ -5,8 +5,9 @@
 use super::bricks::{BRICK_LEVEL, BrickCount, MAX_WHOLE_LEVEL, brick_index, bricks_of, within_brick};
 use super::codes::VoxelCodes;
 use super::coding::CodedVoxel;
+use super::corrections::facets::{Facets, MAX_FACETS};
+use super::corrections::light_correction::{LightCorrection, MAX_LIGHT_COEFFICIENT};
 use super::error::{VOLTEX_NAMES, VoltexError};
-use super::facets::{Facets, MAX_FACETS};
 use super::level_stream::{CodedVoxels, PlacedVoxel, code_stream, read_stream};
 use super::matrix::Sym3;
 use super::rule;
@@ -14,7 +15,7 @@ use super::volume::{
     LevelShadow, MAX_CLUMPING, MAX_LEVELS, MIN_SHARED, MicroflakeMaterial, Volume, VolumeLevel, order,
 };
 use super::voxel::Voxel;
-use super::words::{CLUMPING_AT, FACETS_AT, LEVEL_WORDS};
+use super::words::{CLUMPING_AT, FACETS_AT, LEVEL_WORDS, LIGHT_CORRECTION_AT};
 use crate::container::directory::{Directory, read_directory_of};
 use crate::container::fault::Faults;
 use crate::container::file_format::{ALIGNMENT, FileFormat, HeaderReader};
@@ -192,6 +193,10 @@ fn facets_in_range(facets: &Facets) -> bool {
     facets.0.iter().all(|x| (-MAX_FACETS..=MAX_FACETS).contains(x))
 }
 
+fn light_correction_in_range(correction: &LightCorrection) -> bool {
+    correction.0.iter().all(|x| (-MAX_LIGHT_COEFFICIENT..=MAX_LIGHT_COEFFICIENT).contains(x))
+}
+
 /// Reads the directory of a `.voltex` file. Checks header, tables, section bounds, padding and the checksum of every
 /// section that `bytes` holds whole, as [`crate::read_directory`] does for an asset.
 pub fn read_voltex_directory(bytes: &[u8]) -> Result<Directory<VoltexHead>, VoltexError> {
@@ -226,7 +231,7 @@ impl Volume {
         for (index, level) in (0u32..).zip(self.levels.iter().rev()) {
             let coded = coded(level)?;
             let numbers = std::iter::once(level.shadow.offset).chain(level.shadow.shared);
-            let numbers = numbers.chain(level.clumping.0).chain(level.facets.0);
+            let numbers = numbers.chain(level.clumping.0).chain(level.facets.0).chain(level.light_correction.0);
             let mut bytes: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
             if index <= MAX_WHOLE_LEVEL {
                 bytes.extend(code_stream(&coarser, &coded.voxels, &coded.others, 0));
@@ -289,6 +294,10 @@ impl Volume {
             must(level.shadow.in_range(), "a level's shadow is out of its range")?;
             must(clumping_in_range(&level.clumping), "a level's clumping is out of its range")?;
             must(facets_in_range(&level.facets), "a level's facets are out of their range")?;
+            must(
+                light_correction_in_range(&level.light_correction),
+                "a level's correction of light is out of its range",
+            )?;
             let rising = level.voxels.windows(2).all(|pair| order(pair[0].0) < order(pair[1].0));
             let side = 1 << (self.levels.len() - 1 - number);
             let inside = level.voxels.iter().all(|(at, _)| at.iter().all(|x| *x < side));
@@ -443,13 +452,14 @@ pub(super) struct LevelNumbers {
     shadow: LevelShadow,
     clumping: Sym3,
     facets: Facets,
+    light_correction: LightCorrection,
 }
 
 /// Returns a level of voxels that are decoded on `threads`.
 pub(super) fn level_of(numbers: &LevelNumbers, coded: &CodedVoxels, threads: Threads) -> VolumeLevel {
-    let LevelNumbers { shadow, clumping, facets } = *numbers;
+    let LevelNumbers { shadow, clumping, facets, light_correction } = *numbers;
     let (voxels, others) = (decoded(threads, &coded.voxels), decoded(threads, &coded.others));
-    VolumeLevel { shadow, clumping, facets, voxels, others }
+    VolumeLevel { shadow, clumping, facets, light_correction, voxels, others }
 }
 
 /// Reads the numbers of a level; what follows them is left to read.
@@ -468,7 +478,11 @@ pub(super) fn read_numbers(mut reader: Reader) -> Result<(LevelNumbers, Reader),
     if !facets_in_range(&facets) {
         return reader.bad(rule::FACETS_RANGE);
     }
-    Ok((LevelNumbers { shadow, clumping, facets }, reader))
+    let light_correction = LightCorrection(std::array::from_fn(|i| number(LIGHT_CORRECTION_AT + i)));
+    if !light_correction_in_range(&light_correction) {
+        return reader.bad(rule::LIGHT_CORRECTION_RANGE);
+    }
+    Ok((LevelNumbers { shadow, clumping, facets, light_correction }, reader))
 }
 
 /// Reads the voxels of a level that is stored whole, or of a brick.

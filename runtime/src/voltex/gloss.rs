@@ -5,9 +5,9 @@
 //! et al. 2007]: S + alpha^2 (tr(S) I - S), which is GGX's own ellipsoid for one microflake and a sphere for
 //! microflakes of all directions [after Heitz et al. 2015]. Ellipsoids, of second degree, cannot represent leaves that
 //! are all inclined alike; a correction of fourth degree does, for all voxels of a level:
-//! [`Facets`](super::facets::Facets).
+//! [`Facets`](super::corrections::facets::Facets).
 
-use super::facets::MIN_HALF2;
+use super::corrections::facets::MIN_HALF2;
 use super::matrix::Sym3;
 use super::shade::MIN_ROOT;
 use crate::leaf::lobe::fresnel;
@@ -26,7 +26,7 @@ pub const MIN_REFRACTED: f32 = 1e-4;
 ///
 /// Exact for one microflake on the side of the light. On the other side it shows facets that a surface does not have,
 /// and to eyes along it microflakes send up to an eighth more light than they stop. For many microflakes the gaps
-/// between their normals are filled, which [`Facets`](super::facets::Facets) correct.
+/// between their normals are filled, which [`Facets`](super::corrections::facets::Facets) correct.
 ///
 /// Twin: `voltex_gloss`.
 pub fn gloss(extinction: &Sym3, specular: f32, roughness: f32, v: [f32; 3], l: [f32; 3]) -> f32 {

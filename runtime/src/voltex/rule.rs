@@ -18,6 +18,7 @@ rules! { "VTEX"
     CLUMPING_RANGE = 2205, "a level's clumping is not within -4 to 4", WRITE;
     FACETS_RANGE = 2206, "a level's facets are not within -64 to 64", WRITE;
     BRICK_COUNT = 2207, "it has not as many voxels as its level says", WRITE;
+    LIGHT_CORRECTION_RANGE = 2208, "a level's correction of light is not within -64 to 64", WRITE;
     // Warnings.
     MATERIAL_UNUSED = 5101, "materials are used by no voxel", "build it again without them";
     MATERIAL_GAINS = 5102, "materials send more light away than falls on them", "lower their reflectance or transmittance";

@@ -1,6 +1,7 @@
 //! A volume as it is built and stored: levels of voxels over the unit cube.
 
-use super::facets::Facets;
+use super::corrections::facets::Facets;
+use super::corrections::light_correction::LightCorrection;
 use super::matrix::Sym3;
 use super::voxel::Voxel;
 
@@ -41,6 +42,8 @@ pub struct VolumeLevel {
     pub clumping: Sym3,
     /// SGGX correction of fourth degree for the specular lobe.
     pub facets: Facets,
+    /// Correction of the light by the directions of eye and light.
+    pub light_correction: LightCorrection,
     /// Coordinates and voxel, in ascending order of [`order`]. The next level has the parent of each voxel, and each
     /// voxel of the next level has a child here.
     pub voxels: Vec<([u32; 3], Voxel)>,

@@ -1,7 +1,8 @@
 //! The words of a volume, as decoders bind them: a header, then materials, levels, nodes and voxels.
 //! Twin: `voltex/words.wgsl`.
 
-use super::facets::{FACETS, Facets};
+use super::corrections::facets::{FACETS, Facets};
+use super::corrections::light_correction::{LIGHT_TERMS, LightCorrection};
 use super::matrix::Sym3;
 use super::node::{NO_VOXEL, NODE_WORDS, Node};
 use super::volume::{HOTSPOT_DEG, LevelShadow, MicroflakeMaterial};
@@ -33,8 +34,10 @@ pub const MATERIAL_WORDS: usize = 4;
 pub const CLUMPING_AT: usize = 1 + HOTSPOT_DEG.len();
 /// First word of a level's SGGX correction of fourth degree, counted from the level's first.
 pub const FACETS_AT: usize = CLUMPING_AT + 6;
+/// First word of a level's correction of light, counted from the level's first.
+pub const LIGHT_CORRECTION_AT: usize = FACETS_AT + FACETS;
 /// Number of words of a level.
-pub const LEVEL_WORDS: usize = FACETS_AT + FACETS;
+pub const LEVEL_WORDS: usize = LIGHT_CORRECTION_AT + LIGHT_TERMS;
 
 /// A volume ready for decoders.
 #[derive(Debug, Clone, PartialEq)]
@@ -181,5 +184,17 @@ impl Voltex {
     /// beyond the coarsest has the coarsest's. Twin: `voltex_facets_along`.
     pub fn facets_along(&self, level: u32, half: [f32; 3]) -> f32 {
         self.facets(level.min(self.level_count())).denser(half)
+    }
+
+    /// Returns the correction of a level's light.
+    pub fn light_correction(&self, level: u32) -> LightCorrection {
+        let at = self.level_at(level) + LIGHT_CORRECTION_AT;
+        LightCorrection(std::array::from_fn(|i| f32::from_bits(self.words[at + i])))
+    }
+
+    /// Returns the factor on the light that a level's microflakes send from `light` to `eye`, vectors towards them of
+    /// any length; a level beyond the coarsest has the coarsest's. Twin: `voltex_brighter_between`.
+    pub fn brighter_between(&self, level: u32, eye: [f32; 3], light: [f32; 3]) -> f32 {
+        self.light_correction(level.min(self.level_count())).brighter(eye, light)
     }
 }

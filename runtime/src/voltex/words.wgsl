@@ -12,7 +12,12 @@ const VOLTEX_SIDE_AT: u32 = 9u;
 const VOLTEX_MATERIAL_WORDS: u32 = 4u;
 const VOLTEX_CLUMPING_AT: u32 = 11u;
 const VOLTEX_FACETS_AT: u32 = 17u;
-const VOLTEX_LEVEL_WORDS: u32 = 32u;
+const VOLTEX_LIGHT_CORRECTION_AT: u32 = 32u;
+const VOLTEX_LEVEL_WORDS: u32 = 58u;
+// Least squared length of a direction: what is shorter has none.
+const VOLTEX_MIN_DIRECTION2: f32 = 1e-30;
+// Largest logarithm of the factor on a level's light.
+const VOLTEX_MAX_BRIGHTER: f32 = 1.5;
 
 struct VoltexMaterial {
     // Share of the light that leaves on the side from which it came, linear sRGB.
@@ -110,6 +115,23 @@ fn voltex_facets_along(base: u32, level: u32, half_way: vec3<f32>) -> f32 {
     form += squares.y * dot(voltex_three(at + 9u), products);
     form += squares.z * dot(voltex_three(at + 12u), products);
     return exp(clamp(form, -VOLTEX_MAX_DENSER, VOLTEX_MAX_DENSER));
+}
+
+// Returns the factor on the light that a level's microflakes send from `light` to `eye`, vectors towards them of any
+// length; a level beyond the coarsest has the coarsest's.
+fn voltex_brighter_between(base: u32, level: u32, eye: vec3<f32>, light: vec3<f32>) -> f32 {
+    let at = voltex_shadow(base, min(level, voltex_level_count(base))) + VOLTEX_LIGHT_CORRECTION_AT;
+    let o = eye * inverseSqrt(max(dot(eye, eye), VOLTEX_MIN_DIRECTION2));
+    let i = light * inverseSqrt(max(dot(light, light), VOLTEX_MIN_DIRECTION2));
+    let s = dot(o.xy, i.xy);
+    let heights = vec3<f32>(i.z, o.z, i.z * o.z);
+    var sum = dot(voltex_three(at), vec3<f32>(1.0, s, s * s)) + dot(voltex_three(at + 3u), heights);
+    sum += dot(voltex_three(at + 6u), heights * heights) + s * dot(voltex_three(at + 9u), heights);
+    sum += dot(voltex_three(at + 12u), i.xxy * i.yzz) + dot(voltex_three(at + 15u), o.xxy * o.yzz);
+    sum += dot(voltex_three(at + 18u), vec3<f32>(i.xy, i.x * i.x - i.y * i.y));
+    sum += dot(voltex_three(at + 21u), vec3<f32>(o.xy, o.x * o.x - o.y * o.y));
+    sum += heights.z * (asset_f32(at + 24u) * i.z + asset_f32(at + 25u) * o.z);
+    return exp(clamp(sum, -VOLTEX_MAX_BRIGHTER, VOLTEX_MAX_BRIGHTER));
 }
 
 // Reads three numbers from a word on.

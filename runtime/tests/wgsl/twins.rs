@@ -185,6 +185,7 @@ fn volumes() -> [Constants; 3] {
         ("VOLTEX_MATERIAL_WORDS", voltex::words::MATERIAL_WORDS),
         ("VOLTEX_CLUMPING_AT", voltex::words::CLUMPING_AT),
         ("VOLTEX_FACETS_AT", voltex::words::FACETS_AT),
+        ("VOLTEX_LIGHT_CORRECTION_AT", voltex::words::LIGHT_CORRECTION_AT),
         ("VOLTEX_LEVEL_WORDS", voltex::words::LEVEL_WORDS),
         ("VOLTEX_VOXEL_WORDS", VOXEL_WORDS),
         ("VOLTEX_OTHER_AT", OTHER_AT),
@@ -199,6 +200,8 @@ fn volumes() -> [Constants; 3] {
         ("VOLTEX_MIN_HALF2", MIN_HALF2),
         ("VOLTEX_MAX_DENSER", MAX_DENSER),
         ("VOLTEX_MIN_REFRACTED", MIN_REFRACTED),
+        ("VOLTEX_MIN_DIRECTION2", MIN_DIRECTION2),
+        ("VOLTEX_MAX_BRIGHTER", MAX_BRIGHTER),
     ]);
     // The first and the last angle, 0 and 180, stand in the code.
     let [_, near @ .., _] = voltex::HOTSPOT_DEG.map(f64::from);

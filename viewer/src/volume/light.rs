@@ -112,7 +112,8 @@ impl VolumePoint {
             }
         }
         // The clumping, by which all of them count for less or more, is in both.
-        sum * (voltex.clumping_along(self.level, self.view.into()) / self.cell.sigma)
+        let clumping = voltex.clumping_along(self.level, self.view.into());
+        sum * (clumping * voltex.brighter_between(self.level, (-self.view).into(), l.into()) / self.cell.sigma)
     }
 
     /// Returns where a ray to a light begins, relative to the point, in the world.

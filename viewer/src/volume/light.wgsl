@@ -94,7 +94,9 @@ fn volume_reflected(point: VolumePoint, light: vec3<f32>, least_roughness: f32) 
         }
     }
     // The clumping, by which all of them count for less or more, is in both.
-    return sum * (voltex_clumping_along(point.volume, point.level, point.view) / max(point.cell.sigma, 1e-30));
+    let clumping = voltex_clumping_along(point.volume, point.level, point.view);
+    let brighter = voltex_brighter_between(point.volume, point.level, -point.view, l);
+    return sum * (clumping * brighter / max(point.cell.sigma, 1e-30));
 }
 
 // Returns where a ray to a light begins, relative to the point, in the world.

@@ -2,6 +2,7 @@
 
 use crate::build::extinction::extinction_of;
 use crate::build::gather::{Gather, VoxelSums};
+use crate::build::light_correction::LightTruth;
 use crate::build::palette::Palette;
 use crate::build::refit::{RefitParams, refit};
 use crate::build::sggx_correction::{GlossTruth, GlossyMicroflake};
@@ -128,19 +129,22 @@ fn volume_with(levels: &[VoxelSums], rule: BuildRule) -> Volume {
     Volume { side_m: 1.0, extent: [1.0; 3], levels, materials: palette.materials(), ..Volume::default() }
 }
 
-/// Fits SGGX correction, extinction and shadows of every level to the triangles that the volume was made of and to rays
+/// Fits SGGX correction, extinction, shadows and correction of light of every level to the triangles that the volume was made of and to rays
 /// past them.
 pub(crate) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl Lit, params: &VoltexParams) {
     let mut voltex = Voltex::new(volume);
     let gloss = GlossTruth::new(&lit.glossy_microflakes());
+    let light = LightTruth::new(occluder, lit, &params.shadow);
     for level in 0..=voltex.level_count() {
         volume.levels[level as usize].facets = gloss.fit(&voltex, level);
         refit(&mut voltex, level, occluder, &params.refit);
         let shadow = fit_shadow(&voltex, level, occluder, lit, &params.shadow);
         voltex.set_shadow(level, &shadow);
+        let light_correction = light.fit(&voltex, level);
         let numbers = voltex.numbers_at(level);
         let own = &mut volume.levels[level as usize];
         own.shadow = shadow;
+        own.light_correction = light_correction;
         own.clumping = voltex.clumping(level);
         own.voxels.iter_mut().zip(&numbers).for_each(|((_, voxel), number)| *voxel = voltex.voxel(*number));
         let second = |(i, number): (usize, &u32)| Some((i as u32, voltex.microflakes(*number).nth(1)?.1));
@@ -151,11 +155,13 @@ pub(crate) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl L
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::build::shadow::model_light;
     use crate::measure::ablations::Ablation;
     use crate::model::microflakes::MicroflakeColour;
+    use crate::rays::march::{March, Reflection};
     use crate::rays::projection::{HALF_SIDE, Projection, spread_directions};
     use btf_runtime::testing::Random;
-    use btf_runtime::voltex::{NO_VOXEL, VoltexRay, Walk};
+    use btf_runtime::voltex::{LightCorrection, NO_VOXEL, VoltexRay, Walk};
 
     /// Returns the square leaves about a ball's middle.
     fn bush(leaves: usize, size: f32) -> TriangleModel {
@@ -234,6 +240,53 @@ mod tests {
         // Eye and light in one direction see the same gaps.
         assert!(fitted.levels[0].shadow.shared[0] > 0.8, "{:?}", fitted.levels[0].shadow);
         assert!(fitted.pack().is_ok());
+    }
+
+    #[test]
+    fn a_fitted_volume_is_as_bright_as_its_model_from_each_side_under_each_light() {
+        // Leaves in layers: shadows from above are others than from the side.
+        let mut model = bush(150, 0.16);
+        model.triangles.iter_mut().flatten().for_each(|corner| corner.z *= 0.3);
+        let params = VoltexParams {
+            resolution: 8,
+            refit: RefitParams { views: 12, passes: 2, rays: 3 },
+            shadow: ShadowParams { views: 12, turns: 1, pixels: 12 },
+        };
+        let cube = model.in_cube(&Frame::around(model.bounds()).unwrap());
+        let occluder = Occluder::new(&cube.triangles);
+        let fitted = build_voltex(&model, &params).unwrap();
+        let mut without = fitted.clone();
+        without.levels.iter_mut().for_each(|level| level.light_correction = LightCorrection::default());
+        let lights = spread_directions(5, 0.2);
+        // Root mean square of what a level is too bright or too dark by, over eyes and lights of which none was fitted.
+        let error = |volume: &Volume, level: u32| -> f64 {
+            let voltex = Voltex::new(volume);
+            let march = March::new(&voltex, level, Reflection::ClosedForm);
+            let (mut squares, mut all) = (0.0, 0.0);
+            for eye in spread_directions(7, 2.9) {
+                let view = Projection::new(-eye);
+                let mut sums = [[0f32; 5]; 2];
+                for i in 0..60 * 60 {
+                    let at = |k: usize| (k as f32 + 0.5) / 60.0 * 2.0 * HALF_SIDE - HALF_SIDE;
+                    let origin = view.origin(at(i % 60), at(i / 60));
+                    march.ray(origin, -eye, &lights, &mut sums[0]);
+                    for (sum, light) in sums[1].iter_mut().zip(&lights) {
+                        *sum += model_light(&occluder, &cube, origin, -eye, *light);
+                    }
+                }
+                for (found, truth) in sums[0].iter().zip(sums[1]) {
+                    squares += f64::from(found - truth).powi(2);
+                    all += f64::from(truth).powi(2);
+                }
+            }
+            (squares / all).sqrt()
+        };
+        for level in 0..=3 {
+            let [with, without] = [&fitted, &without].map(|volume| error(volume, level));
+            println!("level {level}: {with} instead of {without}");
+            // Planted difference: no correction.
+            assert!(with < 0.15 && with < 0.75 * without, "level {level}: {with} {without}");
+        }
     }
 
     #[test]

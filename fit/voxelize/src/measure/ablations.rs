@@ -6,10 +6,10 @@ use crate::build::extinction::extinction_of;
 use crate::build::refit::RefitParams;
 use crate::build::shadow::ShadowParams;
 use crate::error::VoxelizeError;
-use crate::measure::march::{MarchParams, Reflection};
 use crate::model::microflakes::MicroflakeSums;
 use crate::model::triangle_model::TriangleModel;
-use btf_runtime::voltex::{LevelShadow, Sym3, Volume, Voxel, moment_of};
+use crate::rays::march::{MarchParams, Reflection};
+use btf_runtime::voltex::{LevelShadow, LightCorrection, Sym3, Volume, Voxel, moment_of};
 
 /// Term that is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -120,7 +120,9 @@ impl Ablation {
 }
 
 fn without_shadows(mut volume: Volume) -> Volume {
-    volume.levels.iter_mut().for_each(|level| level.shadow = LevelShadow::default());
+    for level in &mut volume.levels {
+        (level.shadow, level.light_correction) = (LevelShadow::default(), LightCorrection::default());
+    }
     volume
 }
 

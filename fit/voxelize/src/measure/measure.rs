@@ -4,10 +4,10 @@
 use crate::build::shadow::met_light;
 use crate::error::VoxelizeError;
 use crate::measure::ablations::Ablation;
-use crate::measure::march::{March, MarchParams};
 use crate::measure::simplify::simplify;
 use crate::model::frame::Frame;
 use crate::model::triangle_model::TriangleModel;
+use crate::rays::march::{March, MarchParams};
 use crate::rays::occluder::{Met, Occluder};
 use crate::rays::projection::{HALF_SIDE, Projection};
 use btf_runtime::voltex::{Voltex, Volume};

@@ -1,6 +1,5 @@
 //! Comparison of volumes with their models.
 
 pub(crate) mod ablations;
-pub(crate) mod march;
 pub(crate) mod measure;
 pub(crate) mod simplify;

@@ -52,7 +52,7 @@ fn walk_main(@builtin(global_invocation_id) id: vec3<u32>) {
 
 const SHADE_ENTRY: &str = "
 @group(0) @binding(1) var<storage, read> lights: array<Light>;
-@group(0) @binding(3) var<storage, read_write> answers: array<array<f32, 23>>;
+@group(0) @binding(3) var<storage, read_write> answers: array<array<f32, 24>>;
 
 @compute @workgroup_size(64)
 fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -64,7 +64,7 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let both = voltex_shade(voxel.moment, q.v, q.l);
     let material = voltex_material(q.base, voxel.material);
     let extent = voltex_extent(q.base);
-    answers[id.x] = array<f32, 23>(
+    answers[id.x] = array<f32, 24>(
         both.x, both.y, voltex_form(voxel.extinction, q.v, q.v), voltex_seen_at(q.depth, q.length),
         voltex_shared_at(q.base, q.level, dot(q.v, q.l)), voltex_shadow_offset(q.base, q.level),
         material.reflectance.x, material.reflectance.y, material.reflectance.z,
@@ -74,6 +74,7 @@ fn shade_main(@builtin(global_invocation_id) id: vec3<u32>) {
         f32(voltex_level_count(q.base)),
         voltex_gloss(voxel.extinction, material.specular, material.roughness, q.v, q.l),
         voltex_extinction_along(q.base, q.voxel, q.v), voltex_facets_along(q.base, q.level, q.v + q.l),
+        voltex_brighter_between(q.base, q.level, 3.0 * q.v, q.l),
     );
 }
 ";
@@ -308,7 +309,7 @@ const SHADED: f32 = 1e-5;
 const GLOSS: f32 = 5e-3;
 
 /// Returns Rust's results, each with the difference allowed to the shader's.
-fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 23] {
+fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 24] {
     let voxel = voltex.voxel(q.voxel);
     let cos = (0..3).map(|i| q.v[i] * q.l[i]).sum::<f32>();
     let area = SHADED * voxel.moment.trace();
@@ -323,6 +324,7 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 23] {
     let half: [f32; 3] = std::array::from_fn(|i| q.v[i] + q.l[i]);
     let half2 = half.iter().map(|x| x * x).sum::<f32>();
     let denser = voltex.facets_along(q.level, half);
+    let brighter = voltex.brighter_between(q.level, q.v.map(|x| 3.0 * x), q.l);
     let exact = |x: f32| (x, 0.0);
     [
         (reflected, area),
@@ -349,6 +351,7 @@ fn expected(voltex: &Voltex, q: &Light) -> [(f32, f32); 23] {
         (along, SHADED * along + 2e-3 * voxel.extinction.trace().sqrt()),
         // A direction half way between two that are nearly opposite is a small difference.
         (denser, 1e-4 * denser / half2.sqrt().clamp(1e-4, 1.0)),
+        (brighter, SHADED * brighter),
     ]
 }
 
@@ -382,9 +385,9 @@ fn microflakes_shine_alike_in_shaders_and_in_rust() {
         })
         .unzip();
     // Of each number in how many answers it differs; and the first that does.
-    let differing = |text: &str| -> ([usize; 23], Option<String>) {
-        let answers: Vec<[f32; 23]> = gpu.answers(&Program::Wgsl(text), "shade_main", &words, &queries);
-        let (mut sums, mut first) = ([0; 23], None);
+    let differing = |text: &str| -> ([usize; 24], Option<String>) {
+        let answers: Vec<[f32; 24]> = gpu.answers(&Program::Wgsl(text), "shade_main", &words, &queries);
+        let (mut sums, mut first) = ([0; 24], None);
         for ((voltex, query), answer) in owners.iter().zip(&queries).zip(&answers) {
             for (i, (value, tolerance)) in expected(voltex, query).into_iter().enumerate() {
                 if answer[i].is_nan() || (answer[i] - value).abs() > tolerance {
@@ -396,7 +399,7 @@ fn microflakes_shine_alike_in_shaders_and_in_rust() {
         (sums, first)
     };
     let text = text(SHADE_ENTRY);
-    assert_eq!(differing(&text), ([0; 23], None));
+    assert_eq!(differing(&text), ([0; 24], None));
     // Planted, each with a number in which it shows.
     for (right, wrong, number) in [
         ("0.5 * (both - c)", "0.49 * (both - c)", 1),
@@ -410,6 +413,8 @@ fn microflakes_shine_alike_in_shaders_and_in_rust() {
         ("2.0 * own", "1.98 * own", 20),
         ("h.xxy * h.yzz", "h.xxy * h.zyz", 22),
         ("voltex_three(at + 9u)", "voltex_three(at + 10u)", 22),
+        ("o.xxy * o.yzz", "o.xxy * o.zyz", 23),
+        ("asset_f32(at + 25u) * o.z", "asset_f32(at + 25u) * i.z", 23),
         ("own = voltex_other(base, own)", "own = VOLTEX_NO_VOXEL", 21),
         ("vec2<u32>(0u, 1u)) & vec2<u32>(1u)", "vec2<u32>(1u, 0u)) & vec2<u32>(1u)", 18),
     ] {

@@ -78,7 +78,8 @@ impl March<'_> {
                 let towards = part.towards(self.voltex, *light).normalize_or_zero() * self.side;
                 let depth = depth_along(self.voltex, self.level, part.at + towards * self.shadow.offset, *light);
                 let apart = 1.0 - self.shadow.shared_at(light.dot(-direction));
-                *seen += part.weight * value * (-apart * depth).exp();
+                let brighter = self.voltex.brighter_between(self.level, (-direction).into(), (*light).into());
+                *seen += brighter * part.weight * value * (-apart * depth).exp();
             }
         })
     }
