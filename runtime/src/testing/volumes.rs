@@ -81,6 +81,7 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
         }
         let voxels: Vec<_> = cells.iter().map(|cell| (*cell, voxel(random))).collect();
         let others = some_others(random, voxels.len(), voxel);
+        let mut correction = Random::new(61 + u64::from(level));
         levels.push(VolumeLevel {
             shadow: LevelShadow {
                 offset: level as f32 + random.within(0.0, 1.0),
@@ -88,7 +89,7 @@ pub fn random_volume(random: &mut Random, level_count: u32, share: f32) -> Volum
             },
             clumping: Sym3(std::array::from_fn(|_| random.within(-0.5, 0.5))),
             facets: Facets(std::array::from_fn(|_| random.within(-2.0, 2.0))),
-            light_correction: LightCorrection(std::array::from_fn(|_| random.within(-0.3, 0.3))),
+            light_correction: LightCorrection(std::array::from_fn(|_| correction.within(-0.3, 0.3))),
             voxels,
             others,
         });
