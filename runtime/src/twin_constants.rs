@@ -22,7 +22,7 @@ pub use crate::resident::layout::SPECTRUM;
 pub use crate::resident::packed_part::{PACKED_PLACES, PLACE_WORDS};
 pub use crate::voltex::corrections::facets::{MAX_DENSER, MIN_HALF2};
 pub use crate::voltex::corrections::light_correction::{MAX_BRIGHTER, MIN_DIRECTION2};
-pub use crate::voltex::gloss::{MIN_REFRACTED, MIN_ROUGHNESS};
+pub use crate::voltex::gloss::{MIDDLE_WEIGHT, MIN_NORMAL2, MIN_REFRACTED, MIN_ROUGHNESS};
 pub use crate::voltex::node::NODE_WORDS;
 pub use crate::voltex::shade::{MIN_ROOT, SERIES_DEPTH};
 pub use crate::voltex::voxel::{OTHER_AT, VOXEL_WORDS};

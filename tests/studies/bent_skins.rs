@@ -50,6 +50,7 @@ impl LeavesInCube {
             materials: vec![0; leaves.len() + 2],
             colours: vec![MicroflakeColour::default()],
             weights: vec![1.0],
+            ..TriangleModel::default()
         };
         model.triangles.extend(&leaves);
         let frame = Frame::around(model.bounds()).expect("a frame");

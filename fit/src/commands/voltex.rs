@@ -6,7 +6,7 @@ use super::output::{check_file, tell};
 use btf_capture::write_file_atomically;
 use btf_fit::{FitError, text_from_bytes};
 use btf_models::shapes::{SCRIPT_ENDING, Script};
-use btf_voxelize::shapes::{Paints, build_painted, colours_of, paint};
+use btf_voxelize::shapes::{Paints, build_painted, coats_of, paint};
 use btf_voxelize::{TRIANGLE_BYTES, TriangleModel, VoltexParams, VoxelizeError, build_voltex};
 use clap::Args;
 use std::path::PathBuf;
@@ -76,8 +76,8 @@ pub(super) fn run(args: &VoltexArgs, shared: &Shared) -> Result<(), Failure> {
     params.refit.views = usize::from(args.views);
     let (volume, triangles) = if args.model.to_string_lossy().ends_with(SCRIPT_ENDING) {
         let script = Script::read(&args.model).map_err(VoxelizeError::from)?;
-        let colours = colours_of(&args.model, &script.materials)?;
-        let canvas = paint(&script, params.resolution, &Paints { script: &args.model, colours: &colours })?;
+        let coats = coats_of(&args.model, &script.materials)?;
+        let canvas = paint(&script, params.resolution, &Paints { script: &args.model, coats: &coats })?;
         (build_painted(&canvas, &params), canvas.triangles.len())
     } else {
         let model = TriangleModel::read(&args.model)?;

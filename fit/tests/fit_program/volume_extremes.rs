@@ -28,6 +28,7 @@ fn model(triangles: Vec<[Vec3; 3]>) -> TriangleModel {
             ..MicroflakeColour::default()
         }],
         weights: vec![1.0],
+        ..TriangleModel::default()
     }
 }
 

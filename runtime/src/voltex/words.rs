@@ -180,6 +180,12 @@ impl Voltex {
         Facets(std::array::from_fn(|i| f32::from_bits(self.words[at + i])))
     }
 
+    /// Replaces the SGGX correction of fourth degree of a level.
+    pub fn set_facets(&mut self, level: u32, facets: &Facets) {
+        let at = self.level_at(level) + FACETS_AT;
+        (0..FACETS).for_each(|i| self.words[at + i] = facets.0[i].to_bits());
+    }
+
     /// Returns the factor on the specular lobe of a level's microflakes for facets along `half`, of any length; a level
     /// beyond the coarsest has the coarsest's. Twin: `voltex_facets_along`.
     pub fn facets_along(&self, level: u32, half: [f32; 3]) -> f32 {

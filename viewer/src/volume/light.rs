@@ -97,6 +97,8 @@ impl VolumePoint {
     pub fn reflected(&self, volumes: &Volumes, light: Vec3, least_roughness: f32) -> Vec3 {
         let voltex = volumes.volume(self.volume);
         let l = self.map * light * self.map.determinant().abs().cbrt().recip();
+        // A map without volume leaves nothing of a direction.
+        let [eye, lamp] = [-self.view, l].map(Vec3::normalize_or_zero);
         let mut sum = Vec3::ZERO;
         for (_, voxel) in voltex.microflakes(self.cell.number) {
             let material = voltex.material(voxel.material);
@@ -104,7 +106,6 @@ impl VolumePoint {
             sum += Vec3::from(material.reflectance) * same + Vec3::from(material.transmittance) * other;
             if material.specular > 0.0 {
                 // In proportion to the eye's vector, as the sums above.
-                let [eye, lamp] = [-self.view, l].map(Vec3::normalize_or_zero);
                 let roughness = material.roughness.max(least_roughness);
                 let shine = gloss(&voxel.extinction, material.specular, roughness, eye.into(), lamp.into());
                 let denser = voltex.facets_along(self.level, (eye + lamp).into());
@@ -113,7 +114,7 @@ impl VolumePoint {
         }
         // The clumping, by which all of them count for less or more, is in both.
         let clumping = voltex.clumping_along(self.level, self.view.into());
-        sum * (clumping * voltex.brighter_between(self.level, (-self.view).into(), l.into()) / self.cell.sigma)
+        sum * (clumping * voltex.brighter_between(self.level, eye.into(), lamp.into()) / self.cell.sigma)
     }
 
     /// Returns where a ray to a light begins, relative to the point, in the world.

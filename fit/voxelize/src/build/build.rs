@@ -3,13 +3,14 @@
 use crate::build::extinction::extinction_of;
 use crate::build::gather::{Gather, VoxelSums};
 use crate::build::light_correction::LightTruth;
+use crate::build::lit::{Lit, coloured_light};
 use crate::build::palette::Palette;
 use crate::build::refit::{RefitParams, refit};
 use crate::build::sggx_correction::{GlossTruth, GlossyMicroflake};
-use crate::build::shadow::{Lit, ShadowParams, fit_shadow};
+use crate::build::shadow::{ShadowParams, fit_shadow};
 use crate::error::VoxelizeError;
 use crate::model::frame::Frame;
-use crate::model::microflakes::{CellMicroflakes, MicroflakeSums, grey};
+use crate::model::microflakes::{CellMicroflakes, MicroflakeSums, luminance};
 use crate::model::triangle_model::TriangleModel;
 use crate::rays::occluder::Occluder;
 use btf_runtime::voltex::{Voltex, Volume, VolumeLevel, Voxel, order};
@@ -35,7 +36,15 @@ impl Default for VoltexParams {
 impl Lit for TriangleModel {
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3) {
         let colour = &self.colours[self.materials[triangle] as usize];
-        ([grey(colour.reflectance), grey(colour.transmittance)], self.normal(triangle))
+        ([luminance(colour.reflectance), luminance(colour.transmittance)], self.normal(triangle))
+    }
+
+    fn light(&self, triangle: usize, eye: Vec3, light: Vec3) -> f32 {
+        let (material, normal) = (self.materials[triangle] as usize, self.normal(triangle));
+        match self.tables.get(material) {
+            Some(Some(table)) => table.light(normal, eye, light),
+            _ => coloured_light(&self.colours[material], normal, eye, light),
+        }
     }
 
     fn glossy_microflakes(&self) -> Vec<GlossyMicroflake> {
@@ -129,20 +138,22 @@ fn volume_with(levels: &[VoxelSums], rule: BuildRule) -> Volume {
     Volume { side_m: 1.0, extent: [1.0; 3], levels, materials: palette.materials(), ..Volume::default() }
 }
 
-/// Fits SGGX correction, extinction, shadows and correction of light of every level to the triangles that the volume was made of and to rays
-/// past them.
+/// Fits SGGX correction, extinction, shadows and correction of light of every level to the triangles that the volume
+/// was made of and to rays past them.
 pub(crate) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl Lit, params: &VoltexParams) {
     let mut voltex = Voltex::new(volume);
     let gloss = GlossTruth::new(&lit.glossy_microflakes());
     let light = LightTruth::new(occluder, lit, &params.shadow);
     for level in 0..=voltex.level_count() {
-        volume.levels[level as usize].facets = gloss.fit(&voltex, level);
+        let facets = gloss.fit(&voltex, level);
+        voltex.set_facets(level, &facets);
         refit(&mut voltex, level, occluder, &params.refit);
         let shadow = fit_shadow(&voltex, level, occluder, lit, &params.shadow);
         voltex.set_shadow(level, &shadow);
         let light_correction = light.fit(&voltex, level);
         let numbers = voltex.numbers_at(level);
         let own = &mut volume.levels[level as usize];
+        own.facets = facets;
         own.shadow = shadow;
         own.light_correction = light_correction;
         own.clumping = voltex.clumping(level);
@@ -155,7 +166,7 @@ pub(crate) fn fit_to_rays(volume: &mut Volume, occluder: &Occluder, lit: &impl L
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::build::shadow::model_light;
+    use crate::build::lit::model_light;
     use crate::measure::ablations::Ablation;
     use crate::model::microflakes::MicroflakeColour;
     use crate::rays::march::{March, Reflection};

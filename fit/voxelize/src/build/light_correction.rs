@@ -4,7 +4,8 @@
 //! Shadows by optical depth and a share of common gaps, one curve over the angle between eye and light, leave a level
 //! brighter than its model in some directions and darker in others, and each level in its own.
 
-use crate::build::shadow::{Lit, ShadowParams, met_light};
+use crate::build::lit::{Lit, met_light};
+use crate::build::shadow::ShadowParams;
 use crate::rays::march::{March, Reflection};
 use crate::rays::occluder::Occluder;
 use crate::rays::projection::{HALF_SIDE, Projection, spread_directions};
@@ -19,11 +20,9 @@ const EYES_OF_VIEW: usize = 4;
 const LIGHTS: usize = 12;
 /// Rays along each side of a view through the volume; past the model twice as many.
 const RAYS: usize = 48;
-/// Share of the mean light that is added to a pair's light for its weight: what is dark counts for less.
-const DARK_SHARE: f64 = 0.3;
 /// Share of the mean weight that is added for uncertainty.
 const DOUBT: f64 = 1e-4;
-/// Steps of the Gauss-Newton method at most, and the largest change of a coefficient in one of them.
+/// Steps of Newton's method at most, and the largest change of a coefficient in one of them.
 const STEPS: usize = 25;
 const MAX_STEP: f64 = 0.5;
 /// Change of a coefficient below which the steps end.
@@ -70,8 +69,8 @@ impl LightTruth {
         LightTruth { eyes: eyes.into_par_iter().enumerate().map(of_eye).collect() }
     }
 
-    /// Returns the correction of a level whose shadows are fitted: least squares of its light against the model's, with
-    /// weights for errors relative to the light.
+    /// Returns the correction of a level whose shadows are fitted: Poisson regression of the model's light on the
+    /// level's, so that there is as much light in all, and as much weighted by each of the correction's terms.
     pub fn fit(&self, voltex: &Voltex, level: u32) -> LightCorrection {
         let march = March::new(voltex, level, Reflection::ClosedForm);
         let rows = |(eye, lights, truth): &(Vec3, Vec<Vec3>, Vec<f64>)| -> Vec<Row> {
@@ -105,17 +104,17 @@ impl Row {
     }
 }
 
-/// Returns the correction that brings what was found next to the truth, by the Gauss-Newton method.
+/// Returns the correction that maximises the sum of `truth ln value - value`, by Newton's method.
+///
+/// Least squares, with whatever weights, make the light less than it is where it is spread about the correction.
 fn fitted(rows: &[Row]) -> LightCorrection {
-    let mean = rows.iter().map(|row| row.truth).sum::<f64>() / rows.len().max(1) as f64;
     let mut solution = SVector::<f64, LIGHT_TERMS>::zeros();
     for _ in 0..STEPS {
         let (mut gram, mut right) = (SMatrix::<f64, LIGHT_TERMS, LIGHT_TERMS>::zeros(), SVector::zeros());
         for row in rows.iter().filter(|row| row.found > 0.0) {
             let value = row.corrected(&solution);
-            let weight = 1.0 / (row.truth + DARK_SHARE * mean).max(1e-30);
-            gram.ger(weight * value * value, &row.terms, &row.terms, 1.0);
-            right += weight * value * (row.truth - value) * row.terms;
+            gram.ger(value, &row.terms, &row.terms, 1.0);
+            right += (row.truth - value) * row.terms;
         }
         let doubt = DOUBT * gram.trace() / LIGHT_TERMS as f64;
         let Some(factor) = (gram + SMatrix::identity() * doubt).cholesky() else { return LightCorrection::default() };
@@ -124,12 +123,6 @@ fn fitted(rows: &[Row]) -> LightCorrection {
         if step.amax() < END {
             break;
         }
-    }
-    // As much in all: errors relative to the light make much of what is dark.
-    let sum = |of: fn(&Row, &SVector<f64, LIGHT_TERMS>) -> f64| rows.iter().map(|row| of(row, &solution)).sum::<f64>();
-    let (truth, found) = (sum(|row, _| row.truth), sum(Row::corrected));
-    if truth > 0.0 && found > 0.0 {
-        solution[0] += (truth / found).ln();
     }
     LightCorrection(std::array::from_fn(|i| (solution[i] as f32).clamp(-MAX_LIGHT_COEFFICIENT, MAX_LIGHT_COEFFICIENT)))
 }

@@ -1,12 +1,11 @@
 //! Fit of the shadows within a level: the distance at which rays to the light begin, and how many of their gaps eye and
 //! light share, fitted to what the model itself shows.
 
-use crate::build::sggx_correction::GlossyMicroflake;
-use crate::model::microflakes::grey;
+use crate::build::lit::{Lit, even_light_along};
 use crate::rays::along_ray::{depth_along, seen_along};
-use crate::rays::occluder::{Met, Occluder};
+use crate::rays::occluder::Occluder;
 use crate::rays::projection::{HALF_SIDE, Projection, rays_of_pixel, spread_directions};
-use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, MIN_SHARED, Voltex, shade};
+use btf_runtime::voltex::{HOTSPOT_DEG, LevelShadow, MIN_SHARED, Voltex};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -34,41 +33,6 @@ const MODEL_RAYS: usize = 4;
 const VOLUME_RAYS: usize = 2;
 /// Side of a pixel in voxels, as a renderer looks at a level.
 const PIXEL_VOXELS: f32 = 2.0;
-
-/// A model that is lit: reflected and transmitted light of what a ray past the model meets; 1 is a white surface lit
-/// along its normal.
-pub trait Lit: Sync {
-    /// Returns the grey reflectance and transmittance, and the unit normal, of a triangle.
-    fn surface(&self, triangle: usize) -> ([f32; 2], Vec3);
-
-    /// Returns all triangles with a specular lobe.
-    fn glossy_microflakes(&self) -> Vec<GlossyMicroflake>;
-}
-
-/// Returns the light of the model along a ray, lit from `light`.
-pub fn model_light(occluder: &Occluder, lit: &impl Lit, origin: Vec3, direction: Vec3, light: Vec3) -> f32 {
-    let met = occluder.trace(origin, direction, 4.0);
-    met.map_or(0.0, |met| met_light(occluder, lit, &met, origin, direction, light))
-}
-
-/// Returns the light of the triangle that a ray has met, lit from `light`.
-pub(crate) fn met_light(
-    occluder: &Occluder,
-    lit: &impl Lit,
-    met: &Met,
-    origin: Vec3,
-    direction: Vec3,
-    light: Vec3,
-) -> f32 {
-    let ([reflectance, transmittance], normal) = lit.surface(met.triangle);
-    let (seen, shone) = (normal.dot(-direction), normal.dot(light));
-    let value = if seen * shone > 0.0 { reflectance } else { transmittance } * shone.abs();
-    if value <= 0.0 {
-        return 0.0;
-    }
-    let lifted = origin + direction * met.t + normal * (shone.signum() * 1e-5);
-    if occluder.occluded(lifted, light, 4.0) { 0.0 } else { value }
-}
 
 /// Pixels along the side of a picture of which `asked` are looked at. Rays through levels with more pixels meet more
 /// voxels, of which each sends rays to the light that meet more, too.
@@ -130,7 +94,7 @@ pub fn fit_shadow(
                         return None;
                     }
                     let truth: f32 = (0..model_rays * model_rays)
-                        .map(|s| model_light(occluder, lit, ray_at(s, model_rays), view.direction, *light))
+                        .map(|s| even_light_along(occluder, lit, ray_at(s, model_rays), view.direction, *light))
                         .sum();
                     Some((truth / (model_rays * model_rays) as f32, parts))
                 })
@@ -168,12 +132,7 @@ fn add_parts(
     parts: &mut Vec<Part>,
 ) {
     seen_along(voltex, level, origin, direction, |seen| {
-        let value = voltex.microflakes(seen.number).map(|(_, voxel)| {
-            let material = voltex.material(voxel.material);
-            let [same, other] = shade(&voxel.moment, (-direction).into(), light.into());
-            grey(material.reflectance) * same + grey(material.transmittance) * other
-        });
-        let value = value.sum::<f32>() / seen.sigma;
+        let value = seen.diffuse(voltex, -direction, light);
         let towards = seen.towards(voltex, light).normalize_or_zero() * side;
         let depths = OFFSETS.map(|offset| depth_along(voltex, level, seen.at + towards * offset, light));
         parts.push((seen.weight * value, depths));

@@ -1,7 +1,7 @@
 //! Comparison of a volume with its model: both are looked at along parallel rays, from directions and under lights that
 //! volumes are not fitted to, in pixels of several sizes.
 
-use crate::build::shadow::met_light;
+use crate::build::lit::met_light;
 use crate::error::VoxelizeError;
 use crate::measure::ablations::Ablation;
 use crate::measure::simplify::simplify;

@@ -28,8 +28,7 @@ pub fn simplify(model: &TriangleModel, triangles: usize) -> TriangleModel {
     let all: Vec<usize> = (0..model.triangles.len()).collect();
     let left: f64 = kept.iter().map(|element| area(element)).sum();
     let factor = (area(&all) / left.max(1e-30)).sqrt() as f32;
-    let mut simplified =
-        TriangleModel { colours: model.colours.clone(), weights: model.weights.clone(), ..TriangleModel::default() };
+    let mut simplified = TriangleModel { triangles: Vec::new(), materials: Vec::new(), ..model.clone() };
     for element in kept {
         let corners = || element.iter().flat_map(|t| model.triangles[*t]);
         let middle = corners().sum::<Vec3>() / (3 * element.len()) as f32;

@@ -2,6 +2,7 @@
 //! material that is shaded near by, so that colours do not jump where a volume takes over.
 
 use crate::error::VoxelizeError;
+use crate::model::light_table::LightTable;
 use crate::model::microflakes::MicroflakeColour;
 use btf_models::{LeafDescription, ModelError, TextureImages, TextureKind};
 use btf_runtime::{
@@ -29,30 +30,68 @@ const STEPS: [f64; 6] = {
 /// Texels of a leaf along its textures.
 const LEAF_TEXELS: usize = 32;
 
-/// Returns the colour of a material from its file: a leaf's description (.toml) with its textures, or an asset (.spmm).
-///
-/// # Errors
-/// For files that cannot be read.
-pub fn colour_of_file(path: &Path) -> Result<MicroflakeColour, VoxelizeError> {
-    if path.extension().is_some_and(|ending| ending == "spmm") {
-        let bytes = std::fs::read(path).map_err(|source| VoxelizeError::File {
+/// A material from its file: a leaf's description (.toml) with its textures, or an asset (.spmm).
+pub(crate) enum MaterialFile {
+    /// A leaf, with the share of its faces that gloss.
+    Leaf(Leaf, f32),
+    /// An asset.
+    Asset(Resident),
+}
+
+impl MaterialFile {
+    /// Reads the file.
+    ///
+    /// # Errors
+    /// For files that cannot be read.
+    pub fn read(path: &Path) -> Result<MaterialFile, VoxelizeError> {
+        if path.extension().is_some_and(|ending| ending == "spmm") {
+            let bytes = std::fs::read(path).map_err(|source| VoxelizeError::File {
+                path: path.into(),
+                action: "reading",
+                source,
+                remedy: "check that it exists and that you may read it",
+            })?;
+            let asset = Asset::parse(&bytes).map_err(|source| VoxelizeError::Asset { path: path.into(), source })?;
+            return Ok(MaterialFile::Asset(Resident::from_asset(&asset)));
+        }
+        let description = LeafDescription::read(path)?;
+        let textures = description.textures_beside(path).map(TextureImages::read).transpose()?.unwrap_or_default();
+        let state = LeafState::from_values(LeafMode::NLayers, description.tissue_and_gloss());
+        let texture = texture_of(&textures, description.size_mm as f32);
+        let leaf = Leaf::new(&state, &texture).map_err(|error| ModelError::Leaf {
             path: path.into(),
-            action: "reading",
-            source,
-            remedy: "check that it exists and that you may read it",
+            fault: format!("cannot be evaluated ({error})"),
+            remedy: "correct it",
         })?;
-        let asset = Asset::parse(&bytes).map_err(|source| VoxelizeError::Asset { path: path.into(), source })?;
-        return Ok(colour_of_asset(&Resident::from_asset(&asset)));
+        Ok(MaterialFile::Leaf(leaf, glossy_share(&texture)))
     }
-    let description = LeafDescription::read(path)?;
-    let textures = description.textures_beside(path).map(TextureImages::read).transpose()?.unwrap_or_default();
-    let state = LeafState::from_values(LeafMode::NLayers, description.tissue_and_gloss());
-    let colour = colour_of_leaf(&state, &texture_of(&textures, description.size_mm as f32));
-    Ok(colour.map_err(|error| ModelError::Leaf {
-        path: path.into(),
-        fault: format!("cannot be evaluated ({error})"),
-        remedy: "correct it",
-    })?)
+
+    /// Returns the hemispherical integrals.
+    pub fn colour(&self) -> MicroflakeColour {
+        match self {
+            MaterialFile::Leaf(leaf, glossy) => colour_of(leaf, *glossy),
+            MaterialFile::Asset(asset) => colour_of_asset(asset),
+        }
+    }
+
+    /// Returns the light by directions.
+    pub fn light_table(&self) -> LightTable {
+        match self {
+            MaterialFile::Leaf(leaf, _) => LightTable::new(|uv, wo| {
+                let viewed = ViewedLeaf::new(leaf.words(), uv, 0, [1.0; 4], wo);
+                move |wi| viewed.light(wi)
+            }),
+            MaterialFile::Asset(asset) => {
+                LightTable::new(|uv, wo| move |wi| evaluate(asset, 0, &Query { uv, wi, wo }, &DecodeOptions::default()))
+            }
+        }
+    }
+}
+
+/// Returns the share of a leaf's faces that gloss.
+fn glossy_share(texture: &LeafTexture) -> f32 {
+    let faces = texture.texels.iter().flat_map(|texel| texel.gloss);
+    faces.sum::<f32>() / (2 * texture.texels.len()) as f32
 }
 
 /// Returns the colour of a leaf with `texture`. The specular lobe is apart: what it reflects of diffuse light is not
@@ -61,19 +100,20 @@ pub fn colour_of_file(path: &Path) -> Result<MicroflakeColour, VoxelizeError> {
 /// # Errors
 /// As [`Leaf::new`].
 pub fn colour_of_leaf(state: &LeafState, texture: &LeafTexture) -> Result<MicroflakeColour, LeafError> {
-    let leaf = Leaf::new(state, texture)?;
+    Ok(colour_of(&Leaf::new(state, texture)?, glossy_share(texture)))
+}
+
+fn colour_of(leaf: &Leaf, glossy: f32) -> MicroflakeColour {
     let all = integrate(|query| ViewedLeaf::new(leaf.words(), query.uv, 0, [1.0; 4], query.wo).light(query.wi));
-    let faces = texture.texels.iter().flat_map(|texel| texel.gloss);
-    let share = faces.sum::<f32>() / (2 * texture.texels.len()) as f32;
     let LeafState { gloss_index, gamma_along, gamma_across, .. } = leaf.state();
     let smooth = ((gloss_index - 1.0) / (gloss_index + 1.0)).powi(2);
-    Ok(MicroflakeColour {
-        reflectance: all.reflectance.map(|x| (x - share * leaf.gloss_albedo()).max(0.0)),
-        specular: share * smooth,
+    MicroflakeColour {
+        reflectance: all.reflectance.map(|x| (x - glossy * leaf.gloss_albedo()).max(0.0)),
+        specular: glossy * smooth,
         // Facets of Beckmann's gamma are as steep as GGX's of that alpha.
         roughness: (gamma_along * gamma_across).sqrt().clamp(0.0, 1.0),
         ..all
-    })
+    }
 }
 
 /// Returns the colour of an asset, whose specular reflection counts as diffuse. Where the asset has no layer for a

@@ -24,9 +24,9 @@ pub const DIRECTIONS: [Vec3; 13] = {
     ]
 };
 
-/// Returns the mean of the three channels.
-pub fn grey(rgb: [f32; 3]) -> f32 {
-    (rgb[0] + rgb[1] + rgb[2]) / 3.0
+/// Returns the luminance of linear sRGB as a share of white's [IEC 61966-2-1].
+pub fn luminance(rgb: [f32; 3]) -> f32 {
+    0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }
 
 /// Sums over microflakes.

@@ -2,5 +2,6 @@
 
 pub(crate) mod frame;
 pub(crate) mod leaf_colour;
+pub(crate) mod light_table;
 pub(crate) mod microflakes;
 pub(crate) mod triangle_model;

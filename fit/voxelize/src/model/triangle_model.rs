@@ -2,12 +2,14 @@
 
 use crate::error::VoxelizeError;
 use crate::model::frame::Frame;
-use crate::model::leaf_colour::colour_of_file;
+use crate::model::leaf_colour::MaterialFile;
+use crate::model::light_table::LightTable;
 use crate::model::microflakes::MicroflakeColour;
 use btf_models::{DiffuseColour, ModelPart, read_model};
 use glam::{Mat4, Vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A model of triangles in metres.
 #[derive(Debug, Clone, Default)]
@@ -18,6 +20,9 @@ pub struct TriangleModel {
     pub materials: Vec<u32>,
     /// The materials.
     pub colours: Vec<MicroflakeColour>,
+    /// Light of the materials that are leaves or assets by its directions; others, and all beyond the end, are as their
+    /// colours say.
+    pub tables: Vec<Option<Arc<LightTable>>>,
     /// Share of each material's area that counts: half where surfaces are closed, whose backs nobody sees.
     pub weights: Vec<f32>,
 }
@@ -27,20 +32,19 @@ impl TriangleModel {
     /// hemispherical integrals for colours.
     ///
     /// # Errors
-    /// As [`read_model`] and [`colour_of_file`].
+    /// As [`read_model`], and for leaves and assets that cannot be read.
     pub fn read(path: &Path) -> Result<TriangleModel, VoxelizeError> {
         let mut model = TriangleModel::default();
         // Leaves and assets that several parts show are integrated once.
-        let mut known: HashMap<PathBuf, MicroflakeColour> = HashMap::new();
-        for mesh in read_model(path)? {
+        let mut known: HashMap<&PathBuf, Shown> = HashMap::new();
+        let meshes = read_model(path)?;
+        for mesh in &meshes {
             for part in &mesh.parts {
-                let shown = part.shows.as_ref().map(|file| match known.get(file) {
-                    Some(colour) => Ok(*colour),
-                    None => colour_of_file(file).inspect(|colour| {
-                        known.insert(file.clone(), *colour);
-                    }),
-                });
-                let material = model.add_material(part, shown.transpose()?);
+                if let Some(file) = part.shows.as_ref().filter(|file| !known.contains_key(file)) {
+                    let shown = MaterialFile::read(file)?;
+                    known.insert(file, (shown.colour(), Arc::new(shown.light_table())));
+                }
+                let material = model.add_material(part, part.shows.as_ref().and_then(|file| known.get(file)));
                 for place in &mesh.places {
                     model.add_part(part, *place, material);
                 }
@@ -49,10 +53,11 @@ impl TriangleModel {
         Ok(model)
     }
 
-    fn add_material(&mut self, part: &ModelPart, shown: Option<MicroflakeColour>) -> u32 {
+    fn add_material(&mut self, part: &ModelPart, shown: Option<&Shown>) -> u32 {
         let DiffuseColour { reflectance, transmittance } = part.colour;
         let plain = MicroflakeColour { reflectance, transmittance, ..MicroflakeColour::default() };
-        self.colours.push(shown.unwrap_or(plain));
+        self.colours.push(shown.map_or(plain, |(colour, _)| *colour));
+        self.tables.push(shown.map(|(_, table)| table.clone()));
         self.weights.push(if is_closed(part) { 0.5 } else { 1.0 });
         self.colours.len() as u32 - 1
     }
@@ -85,6 +90,7 @@ impl TriangleModel {
             triangles,
             materials: self.materials.clone(),
             colours: self.colours.clone(),
+            tables: self.tables.clone(),
             weights: self.weights.clone(),
         }
     }
@@ -95,6 +101,9 @@ impl TriangleModel {
         (b - a).cross(c - a).normalize_or_zero()
     }
 }
+
+/// Colour and light of a leaf or an asset.
+type Shown = (MicroflakeColour, Arc<LightTable>);
 
 /// Converts from the files' axes, whose y points up, to the volume's, whose z does.
 fn z_up(p: Vec3) -> Vec3 {

@@ -1,6 +1,7 @@
 //! Rays through one level of a volume.
 
-use btf_runtime::voltex::{NO_VOXEL, Segment, Voltex, VoltexRay, Walk, seen_at};
+use crate::model::microflakes::luminance;
+use btf_runtime::voltex::{MicroflakeMaterial, NO_VOXEL, Segment, Voltex, VoltexRay, Walk, gloss, seen_at, shade};
 use glam::Vec3;
 
 /// Transmittance below which a ray ends.
@@ -27,6 +28,30 @@ impl Seen {
     /// towards `l`.
     pub fn towards(&self, voltex: &Voltex, l: Vec3) -> Vec3 {
         voltex.microflakes(self.number).map(|(_, voxel)| Vec3::from(voxel.moment.times(l.into()))).sum()
+    }
+
+    /// Returns the luminance that the microflakes send on evenly to `eye` from `light` (unit vectors towards them),
+    /// before shadows and the level's correction of light.
+    pub fn diffuse(&self, voltex: &Voltex, eye: Vec3, light: Vec3) -> f32 {
+        let value = voltex.microflakes(self.number).map(|(_, voxel)| {
+            let material = voltex.material(voxel.material);
+            let [same, other] = shade(&voxel.moment, eye.into(), light.into());
+            luminance(material.reflectance) * same + luminance(material.transmittance) * other
+        });
+        value.sum::<f32>() / self.sigma
+    }
+
+    /// Returns the light of the microflakes' specular lobes likewise.
+    pub fn specular(&self, voltex: &Voltex, level: u32, eye: Vec3, light: Vec3) -> f32 {
+        let lobes = voltex.microflakes(self.number).map(|(_, voxel)| {
+            let MicroflakeMaterial { specular, roughness, .. } = voltex.material(voxel.material);
+            match specular > 0.0 {
+                true => gloss(&voxel.extinction, specular, roughness, eye.into(), light.into()),
+                false => 0.0,
+            }
+        });
+        let sum = lobes.sum::<f32>();
+        if sum > 0.0 { sum * voltex.facets_along(level, (eye + light).into()) / self.sigma } else { 0.0 }
     }
 }
 

@@ -1,9 +1,9 @@
 //! Ray marching through a volume under lights far away: what passes and what is reflected along a ray.
 
-use crate::model::microflakes::grey;
-use crate::rays::along_ray::{depth_along, seen_along};
+use crate::model::microflakes::luminance;
+use crate::rays::along_ray::{Seen, depth_along, seen_along};
 use crate::rays::projection::spread_directions;
-use btf_runtime::voltex::{LevelShadow, Sym3, Voltex, shade};
+use btf_runtime::voltex::{LevelShadow, Sym3, Voltex};
 use glam::Vec3;
 
 /// Parameters of looking at a volume.
@@ -26,7 +26,7 @@ impl Default for MarchParams {
 /// Rule by which the light of a voxel's microflakes is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reflection {
-    /// The closed form, [`shade`].
+    /// The closed form, [`shade`](btf_runtime::voltex::shade).
     ClosedForm,
     /// A sum over normals of the ellipsoid that the microflakes are spread on [Neyret 1996].
     Ellipsoid,
@@ -42,10 +42,12 @@ pub struct March<'a> {
     /// Side of a voxel.
     side: f32,
     shadow: LevelShadow,
-    /// For sums over ellipsoids: the matrix of each voxel that makes an ellipsoid of a sphere, and the sphere's
-    /// normals.
-    ellipsoids: Option<(Vec<Sym3>, Vec<Vec3>)>,
+    /// For sums over ellipsoids.
+    ellipsoids: Option<Ellipsoids>,
 }
+
+/// The matrix of each voxel that makes an ellipsoid of a sphere, and the sphere's normals.
+type Ellipsoids = (Vec<Sym3>, Vec<Vec3>);
 
 impl March<'_> {
     /// Prepares rays through `level` of a volume.
@@ -58,30 +60,35 @@ impl March<'_> {
         March { voltex, level, side: voltex.voxel_side(level), shadow: voltex.shadow(level), ellipsoids }
     }
 
-    /// Returns the share of light that passes a ray, and adds to `seen` the light that is seen under each of `lights`;
-    /// 1 is a white surface lit along its normal.
+    /// Returns the share of light that passes a ray, and adds to `seen` the luminance that is seen under each of
+    /// `lights`; 1 is a white surface lit along its normal.
     pub fn ray(&self, origin: Vec3, direction: Vec3, lights: &[Vec3], seen: &mut [f32]) -> f32 {
+        let eye = -direction;
         seen_along(self.voltex, self.level, origin, direction, |part| {
             for (light, seen) in lights.iter().zip(&mut *seen) {
-                let value = self.voltex.microflakes(part.number).map(|(number, voxel)| {
-                    let material = self.voltex.material(voxel.material);
-                    let [same, other] = match &self.ellipsoids {
-                        Some((roots, normals)) => {
-                            let shown = voxel.extinction_along(direction.into());
-                            ellipsoid_light(&roots[number as usize], normals, -direction, *light).map(|x| x * shown)
-                        }
-                        None => shade(&voxel.moment, (-direction).into(), (*light).into()),
-                    };
-                    grey(material.reflectance) * same + grey(material.transmittance) * other
-                });
-                let value = value.sum::<f32>() / part.sigma;
+                let diffuse = match &self.ellipsoids {
+                    Some(ellipsoids) => self.light_of_ellipsoids(ellipsoids, part, eye, *light),
+                    None => part.diffuse(self.voltex, eye, *light),
+                };
+                let value = diffuse + part.specular(self.voltex, self.level, eye, *light);
                 let towards = part.towards(self.voltex, *light).normalize_or_zero() * self.side;
                 let depth = depth_along(self.voltex, self.level, part.at + towards * self.shadow.offset, *light);
-                let apart = 1.0 - self.shadow.shared_at(light.dot(-direction));
-                let brighter = self.voltex.brighter_between(self.level, (-direction).into(), (*light).into());
+                let apart = 1.0 - self.shadow.shared_at(light.dot(eye));
+                let brighter = self.voltex.brighter_between(self.level, eye.into(), (*light).into());
                 *seen += brighter * part.weight * value * (-apart * depth).exp();
             }
         })
+    }
+
+    /// Returns the luminance that a part of a ray sends on evenly, summed over the normals of ellipsoids.
+    fn light_of_ellipsoids(&self, (roots, normals): &Ellipsoids, part: &Seen, eye: Vec3, light: Vec3) -> f32 {
+        let value = self.voltex.microflakes(part.number).map(|(number, voxel)| {
+            let material = self.voltex.material(voxel.material);
+            let shown = voxel.extinction_along(eye.into());
+            let [same, other] = ellipsoid_light(&roots[number as usize], normals, eye, light).map(|x| x * shown);
+            luminance(material.reflectance) * same + luminance(material.transmittance) * other
+        });
+        value.sum::<f32>() / part.sigma
     }
 }
 
@@ -101,6 +108,7 @@ fn ellipsoid_light(root: &Sym3, normals: &[Vec3], v: Vec3, l: Vec3) -> [f32; 2] 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use btf_runtime::voltex::shade;
 
     #[test]
     fn an_ellipsoid_s_light_is_the_closed_form_s_where_that_is_exact() {

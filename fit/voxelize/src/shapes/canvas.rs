@@ -4,10 +4,10 @@
 use btf_models::shapes::Space;
 use glam::{DVec2, DVec3, Vec3};
 
-use super::brush::Brush;
+use super::brush::{Brush, Coat};
 use crate::build::clip::{Polygon, clip_polygon};
 use crate::build::gather::VoxelSums;
-use crate::model::microflakes::{MicroflakeColour, MicroflakeSums};
+use crate::model::microflakes::MicroflakeSums;
 
 /// Share of a closed surface's area that counts: a ray that passes a body crosses two of its faces and is stopped once.
 pub const CLOSED: f64 = 0.5;
@@ -51,8 +51,8 @@ pub struct Canvas {
     pub voxels: VoxelSums,
     /// Triangles that rays meet in the unit cube.
     pub triangles: Vec<[Vec3; 3]>,
-    /// Colour of each of the triangles.
-    pub colours: Vec<MicroflakeColour>,
+    /// Coat of each of the triangles.
+    pub coats: Vec<Coat>,
     /// Whether there are fields, which rays do not meet.
     pub has_fields: bool,
 }
@@ -67,7 +67,7 @@ impl Canvas {
             side_m,
             voxels: VoxelSums::new(),
             triangles: Vec::new(),
-            colours: Vec::new(),
+            coats: Vec::new(),
             has_fields: false,
         }
     }
@@ -200,7 +200,7 @@ impl Canvas {
                 let triangle = [fan[0], fan[i - 1], fan[i]];
                 let place_m = self.m_from_grid((triangle.iter().sum::<Vec3>() / 3.0).as_dvec3() - *shift);
                 self.triangles.push(triangle.map(|corner| corner / resolution));
-                self.colours.push(brush.colour(place_m, facet.uv(place_m)));
+                self.coats.push(brush.coat(place_m, facet.uv(place_m)));
             }
         }
         parts

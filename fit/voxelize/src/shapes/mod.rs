@@ -19,13 +19,13 @@ mod surface;
 mod tint;
 mod volume;
 
-pub use brush::Brush;
+pub use brush::{Brush, Coat};
 pub use canvas::{CLOSED, Canvas, Facet};
 pub use descent::{coverage, polygonise};
 pub use field::{Field, Hypertexture, Scan, isotropic_microflakes, paint_field};
 pub use frustum::{Frustum, round_microflakes};
 pub use noise::NoiseField;
-pub use paint::{Paints, colour_of, colours_of, paint};
+pub use paint::{Paints, coats_of, colour_of, paint};
 pub use solid::{Placement, Solid};
 pub use surface::{mesh_facets, sheet_facets};
 pub use tint::TintMap;

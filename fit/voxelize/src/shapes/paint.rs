@@ -1,11 +1,12 @@
 //! Painting of a script, stroke by stroke.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use btf_models::shapes::{Material, PaintMode, Point, Script, Shape, Stroke};
 use glam::DVec3;
 
-use super::brush::Brush;
+use super::brush::{Brush, Coat};
 use super::canvas::{CLOSED, Canvas, Facet};
 use super::descent::{coverage, polygonise};
 use super::field::{Field, Hypertexture, Scan, paint_field};
@@ -19,15 +20,15 @@ use super::surface::{box_triangles, mesh_facets, sheet_facets, sphere_triangles}
 use super::tint::TintMap;
 use super::unusable;
 use crate::error::VoxelizeError;
-use crate::model::leaf_colour::colour_of_file;
+use crate::model::leaf_colour::MaterialFile;
 use crate::model::microflakes::{MicroflakeColour, MicroflakeSums};
 
-/// Paints of a script: its path and colours.
+/// Paints of a script: its path and coats.
 pub struct Paints<'a> {
     /// Path of the script, beside which its files stand.
     pub script: &'a Path,
-    /// Colour of each of the script's materials before tints.
-    pub colours: &'a [MicroflakeColour],
+    /// Coat of each of the script's materials before tints.
+    pub coats: &'a [Coat],
 }
 
 /// Returns the colour of a material that is given by numbers.
@@ -41,16 +42,19 @@ pub fn colour_of(material: &Material) -> MicroflakeColour {
     }
 }
 
-/// Returns the colour of every material of a script, whose path is `script`.
+/// Returns the coat of every material of a script, whose path is `script`.
 ///
 /// # Errors
 /// For leaves and assets that cannot be read.
-pub fn colours_of(script: &Path, materials: &[Material]) -> Result<Vec<MicroflakeColour>, VoxelizeError> {
-    let colour = |material: &Material| match &material.from {
-        Some(file) => colour_of_file(&Script::beside(script, file)),
-        None => Ok(colour_of(material)),
+pub fn coats_of(script: &Path, materials: &[Material]) -> Result<Vec<Coat>, VoxelizeError> {
+    let coat = |material: &Material| match &material.from {
+        Some(file) => {
+            let shown = MaterialFile::read(&Script::beside(script, file))?;
+            Ok(Coat::of_table(shown.colour(), Arc::new(shown.light_table())))
+        }
+        None => Ok(colour_of(material).into()),
     };
-    materials.iter().map(colour).collect()
+    materials.iter().map(coat).collect()
 }
 
 /// Paints a script on a canvas of `resolution` voxels along its longest side. The same script gives the same bits.
@@ -58,12 +62,12 @@ pub fn colours_of(script: &Path, materials: &[Material]) -> Result<Vec<Microflak
 /// # Errors
 /// For files that the script names and that cannot be used, and for more strands of fur or paths of particles than is sensible.
 pub fn paint(script: &Script, resolution: u32, paints: &Paints) -> Result<Canvas, VoxelizeError> {
-    let brush = |(material, colour): (&Material, &MicroflakeColour)| {
+    let brush = |(material, coat): (&Material, &Coat)| {
         let tint = material.tint.as_ref().map(|tint| TintMap::new(tint, &script.space, paints.script));
-        Ok(Brush { colour: *colour, tint: tint.transpose()? })
+        Ok(Brush { coat: coat.clone(), tint: tint.transpose()? })
     };
     let brushes: Vec<Brush> =
-        script.materials.iter().zip(paints.colours).map(brush).collect::<Result<_, VoxelizeError>>()?;
+        script.materials.iter().zip(paints.coats).map(brush).collect::<Result<_, VoxelizeError>>()?;
     let mut canvas = Canvas::new(&script.space, resolution);
     for stroke in &script.strokes {
         let number = stroke.material.as_ref().and_then(|name| script.material_number(name));
@@ -101,15 +105,15 @@ fn take_away(solid: &Solid, canvas: &mut Canvas) {
         let middle_m = canvas.least_m() + (triangle.iter().sum::<glam::Vec3>() / 3.0).as_dvec3() * side_m;
         shifts.iter().any(|shift| solid.value(middle_m - *shift * canvas.voxel_m()) < 0.0)
     };
-    let seen = canvas.triangles.iter().zip(&canvas.colours).filter(|(triangle, _)| !inside(triangle));
-    let (triangles, colours) = seen.unzip();
+    let seen = canvas.triangles.iter().zip(&canvas.coats).filter(|(triangle, _)| !inside(triangle));
+    let (triangles, coats) = seen.map(|(triangle, coat)| (*triangle, coat.clone())).unzip();
     let left = |cell: [u32; 3]| {
         let from = DVec3::from(cell.map(f64::from));
         shifts.iter().map(|shift| 1.0 - coverage(solid, canvas, from - *shift)).product::<f64>()
     };
     let voxels = canvas.voxels.iter().map(|(cell, sums)| (*cell, sums.scaled(left(*cell) as f32)));
     let voxels = voxels.filter(|(_, sums)| sums.all().area > 0.0).collect();
-    (canvas.triangles, canvas.colours, canvas.voxels) = (triangles, colours, voxels);
+    (canvas.triangles, canvas.coats, canvas.voxels) = (triangles, coats, voxels);
 }
 
 /// Replaces the normals of the voxels of `canvas` by those of another canvas, where that has any.

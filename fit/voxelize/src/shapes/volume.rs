@@ -3,26 +3,30 @@
 use btf_runtime::voltex::Volume;
 use glam::Vec3;
 
+use super::brush::Coat;
 use super::canvas::Canvas;
 use crate::build::build::{VoltexParams, fit_to_rays, volume_of};
 use crate::build::gather::Gather;
+use crate::build::lit::Lit;
 use crate::build::sggx_correction::GlossyMicroflake;
-use crate::build::shadow::Lit;
 use crate::error::VoxelizeError;
-use crate::model::microflakes::{MicroflakeColour, grey};
+use crate::model::microflakes::luminance;
 use crate::rays::occluder::Occluder;
 
 impl Lit for Canvas {
     fn surface(&self, triangle: usize) -> ([f32; 2], Vec3) {
-        let (colour, [a, b, c]) = (&self.colours[triangle], self.triangles[triangle]);
+        let (colour, [a, b, c]) = (&self.coats[triangle].colour, self.triangles[triangle]);
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        ([grey(colour.reflectance), grey(colour.transmittance)], normal)
+        ([luminance(colour.reflectance), luminance(colour.transmittance)], normal)
+    }
+
+    fn light(&self, triangle: usize, eye: Vec3, light: Vec3) -> f32 {
+        self.coats[triangle].light(self.surface(triangle).1, eye, light)
     }
 
     fn glossy_microflakes(&self) -> Vec<GlossyMicroflake> {
-        let microflake =
-            |(triangle, colour): (&[Vec3; 3], &MicroflakeColour)| GlossyMicroflake::of(triangle, 1.0, colour);
-        self.triangles.iter().zip(&self.colours).filter_map(microflake).collect()
+        let microflake = |(triangle, coat): (&[Vec3; 3], &Coat)| GlossyMicroflake::of(triangle, 1.0, &coat.colour);
+        self.triangles.iter().zip(&self.coats).filter_map(microflake).collect()
     }
 }
 

@@ -24,8 +24,8 @@ fn script(cyclic: bool, strokes: Vec<(PaintMode, Shape)>) -> Script {
 }
 
 fn painted(script: &Script, resolution: u32) -> Canvas {
-    let colours: Vec<MicroflakeColour> = script.materials.iter().map(colour_of).collect();
-    paint(script, resolution, &Paints { script: Path::new("a.shapes.toml"), colours: &colours }).unwrap()
+    let coats: Vec<Coat> = script.materials.iter().map(|material| colour_of(material).into()).collect();
+    paint(script, resolution, &Paints { script: Path::new("a.shapes.toml"), coats: &coats }).unwrap()
 }
 
 fn one(shape: Shape, resolution: u32) -> Canvas {
@@ -98,8 +98,8 @@ fn what_covers_a_cyclic_space_again_and_again_is_refused() {
     let limb = Shape::Limb { points_m: vec![[0.0; 3], [0.1, 0.0, 0.0]], radii_m: vec![1e5, 0.1] };
     for shape in [ball, sheet, limb] {
         let script = script(true, vec![(PaintMode::Add, shape.clone())]);
-        let colours: Vec<MicroflakeColour> = script.materials.iter().map(colour_of).collect();
-        let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
+        let coats: Vec<Coat> = script.materials.iter().map(|material| colour_of(material).into()).collect();
+        let paints = Paints { script: Path::new("a.shapes.toml"), coats: &coats };
         let message = paint(&script, 16, &paints).unwrap_err().to_string();
         assert!(message.contains(&format!("has a {} that covers", shape.kind())), "{message}");
     }
@@ -198,8 +198,8 @@ fn fur_has_so_many_strands_of_their_area_on_equal_ground() {
     near(f64::from(ball.area), CLOSED * 2513.0 * PI * 0.001 * 0.05, 2e-3);
     assert_eq!(one(fur(meadow.clone(), 5000.0, 20.0), 16).voxels, one(fur(meadow.clone(), 5000.0, 20.0), 16).voxels);
     let dense = script(false, vec![(PaintMode::Add, fur(meadow, 1e7, 0.0))]);
-    let colours: Vec<MicroflakeColour> = dense.materials.iter().map(colour_of).collect();
-    let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
+    let coats: Vec<Coat> = dense.materials.iter().map(|material| colour_of(material).into()).collect();
+    let paints = Paints { script: Path::new("a.shapes.toml"), coats: &coats };
     let message = paint(&dense, 16, &paints).unwrap_err().to_string();
     assert!(message.contains("a.shapes.toml has fur of 16000000 cylinders") && message.contains("lower"), "{message}");
 }
@@ -263,8 +263,8 @@ fn particles_have_paths_of_their_length_and_width() {
     near(f64::from(sum.moment[2] / sum.area), 1.0 / 3.0, 0.01);
     assert_eq!(one(particles(arc.clone()), 16).voxels, one(particles(arc), 16).voxels);
     let many = script(false, vec![(PaintMode::Add, particles(ParticleSystem { particles: 1 << 20, ..strands }))]);
-    let colours: Vec<MicroflakeColour> = many.materials.iter().map(colour_of).collect();
-    let paints = Paints { script: Path::new("a.shapes.toml"), colours: &colours };
+    let coats: Vec<Coat> = many.materials.iter().map(|material| colour_of(material).into()).collect();
+    let paints = Paints { script: Path::new("a.shapes.toml"), coats: &coats };
     let message = paint(&many, 16, &paints).unwrap_err().to_string();
     assert!(message.contains("a.shapes.toml has particles whose paths have 25165824 pieces"), "{message}");
 }
@@ -319,8 +319,8 @@ fn a_scanned_volume_is_read_from_numbers_and_slices_alike() {
         |header_bytes, number| DensityData::Raw { file: "ramp.raw".into(), cells: [4, 3, 5], number, header_bytes };
     let read = |data| {
         let script = script(false, vec![(PaintMode::Add, shape(data))]);
-        let colours: Vec<MicroflakeColour> = script.materials.iter().map(colour_of).collect();
-        paint(&script, 32, &Paints { script: &path, colours: &colours })
+        let coats: Vec<Coat> = script.materials.iter().map(|material| colour_of(material).into()).collect();
+        paint(&script, 32, &Paints { script: &path, coats: &coats })
     };
     let canvas = read(raw(3, NumberType::U8)).unwrap();
     assert_eq!(canvas.voxels, read(DensityData::Slices { folder: "slices".into() }).unwrap().voxels);
