@@ -2,6 +2,7 @@
 //! material that is shaded near by, so that colours do not jump where a volume takes over.
 
 use crate::error::VoxelizeError;
+use crate::model::additive_recurrence::{place_of, recurrence_steps};
 use crate::model::light_table::LightTable;
 use crate::model::microflakes::MicroflakeColour;
 use btf_models::{LeafDescription, ModelError, TextureImages, TextureKind};
@@ -15,17 +16,8 @@ use std::path::Path;
 /// Number of places and directions of an integral: errors are some tenths of a per cent.
 const SAMPLES: u32 = 1 << 14;
 
-/// Steps of Roberts' additive recurrence in six dimensions: powers of the root of `x^7 = x + 1`, inverted.
-const STEPS: [f64; 6] = {
-    const ROOT: f64 = 1.112_775_684_278_705_5;
-    let mut steps = [1.0 / ROOT; 6];
-    let mut k = 1;
-    while k < 6 {
-        steps[k] = steps[k - 1] / ROOT;
-        k += 1;
-    }
-    steps
-};
+/// Steps in six dimensions: of the root of `x^7 = x + 1`.
+const STEPS: [f64; 6] = recurrence_steps(1.112_775_684_278_705_5);
 
 /// Texels of a leaf along its textures.
 const LEAF_TEXELS: usize = 32;
@@ -127,7 +119,7 @@ fn integrate(light: impl Fn(&Query) -> [f32; 3]) -> MicroflakeColour {
     // Reflection of the front and of the back, transmission to each.
     let mut sums = [[0f64; 3]; 4];
     for i in 0..SAMPLES {
-        let at = STEPS.map(|step| ((0.5 + step * f64::from(i + 1)).fract()) as f32);
+        let at = place_of(&STEPS, i + 1);
         let (wo, wi) = (cosine_direction(at[2], at[3]), uniform_direction(at[4], at[5]));
         for (number, sides) in [[1.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0]].into_iter().enumerate() {
             let turned = |[x, y, z]: [f32; 3], side: f32| [x, y, z * side];

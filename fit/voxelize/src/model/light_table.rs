@@ -1,6 +1,7 @@
 //! Light of a surface by the directions of eye and light: means over the surface and over its orientations in its own
 //! plane, of the same material that is shaded near by.
 
+use crate::model::additive_recurrence::{place_of, recurrence_steps};
 use crate::model::microflakes::luminance;
 use glam::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -9,17 +10,8 @@ use std::f32::consts::{FRAC_PI_2, PI};
 const BINS: usize = 20;
 /// Places and directions of the eye in each of its bins.
 const SAMPLES: usize = 64;
-/// Steps of Roberts' additive recurrence in seven dimensions: powers of the root of `x^8 = x + 1`, inverted.
-const STEPS: [f64; 7] = {
-    const ROOT: f64 = 1.096_981_557_798_559_6;
-    let mut steps = [1.0 / ROOT; 7];
-    let mut k = 1;
-    while k < 7 {
-        steps[k] = steps[k - 1] / ROOT;
-        k += 1;
-    }
-    steps
-};
+/// Steps in seven dimensions: of the root of `x^8 = x + 1`.
+const STEPS: [f64; 7] = recurrence_steps(1.096_981_557_798_559_6);
 
 /// Table of the luminance that a surface sends to an eye from a light: of `pi f |cos|`, so that 1 is a white surface lit
 /// along its normal.
@@ -48,7 +40,7 @@ impl LightTable {
         for (eye_bin, behind) in (0..BINS).flat_map(|bin| [(bin, false), (bin, true)]) {
             for _ in 0..SAMPLES {
                 number += 1;
-                let at = STEPS.map(|step| ((0.5 + step * f64::from(number)).fract()) as f32);
+                let at = place_of(&STEPS, number);
                 let turn = 2.0 * PI * at[2];
                 let seen = viewed([at[0], at[1]], direction(eye_bin, at[3], turn, behind));
                 // To the left and to the right alike.
